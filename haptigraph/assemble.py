@@ -236,7 +236,6 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
         "oct": {"settings": settings},
         "phantom": {"loop": settings.loop, "target_mm": settings.target_mm},
         "realsense": {**camera, "depth": bool(settings.depth)},
-        "realsense-file": {"depth": bool(settings.depth)},
         "ros2": camera,
         "teleop": {"clock": clock, "target_mm": settings.target_mm},
     }

@@ -68,8 +68,7 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     mirror: bool = False
     """Whether left and right of every image are exchanged, after the rotation."""
     depth: bool | None = None
-    """Whether depth images of realsense[:SERIAL] and .db3 files are read; unset: if the registration has
-    [depth]."""
+    """Whether realsense[:SERIAL] reads depth images, too; unset: if the registration has [depth]."""
     crop_px: Box | None = None
     """Region of interest: left, top, width, height; unset: the whole image."""
     bits: Annotated[int, Meta(ge=0, le=16)] = 0
@@ -112,7 +111,7 @@ class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Weight of the new image in the moving average; 1: no smoothing."""
     needle_mm: tuple[NeedleMm, NeedleMm, TaperMm] | None = None
     """Diameters of the needle at its tip and of its shaft, and length of the taper between them; unset: its
-    width is measured in the image. Depth is that of its surface, so its angle out of the section needs them."""
+    width is measured in the image. Depth is that of its surface, so the tip's z depends on them."""
 
     def __post_init__(self) -> None:
         if self.block_size_px % 2 == 0:

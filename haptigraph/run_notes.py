@@ -69,7 +69,7 @@ def run_notes(
 
 
 def _depth_notes(source: Source, procedure: "Procedure", registration: "BaseRegistration") -> list[str]:
-    """Return why nothing is known of the needle out of the section, where a procedure or a source has depth."""
+    """Return why the needle out of the section is not known, where a procedure or a source has depth."""
     needs = any(entity.name == NEEDLE_3D for entity in procedure.schema.entities)
     has_plane = getattr(registration, "depth", None) is not None
     if source.depth_camera is None and (needs or has_plane):

@@ -85,6 +85,8 @@ class RunInfo(Struct, frozen=True):
     device_profile: str = ""
     """The complete profile of the haptic device; empty: none, so that amplitudes were its drive."""
     device_profile_sha256: str = ""
+    depth_camera: str = ""
+    """The camera that measured the depths, JSON (`DepthCamera`); empty: there are none."""
 
 
 class VideoImage(Struct, frozen=True):

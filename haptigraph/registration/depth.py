@@ -51,8 +51,8 @@ def check_depth(document: Document, depth: DepthPlane | None, image: ImageGeomet
     scale = depth.focal_px * image.mm_per_px / depth.section_mm
     if not 1 / MAX_SCALE <= scale <= MAX_SCALE:
         raise document.error(
-            f"at {depth.section_mm:g} mm a globe of the registered size would be {1 / scale:.2f} times as large "
-            f"as registered; {1 / MAX_SCALE:.2f} to {MAX_SCALE:g} is plausible",
+            f"at {depth.section_mm:g} mm a globe of the registered size would be {1 / scale:.2f} times as "
+            f"large as registered; {1 / MAX_SCALE:.2f} to {MAX_SCALE:g} is plausible",
             "depth.section_mm",
         )
     return depth
@@ -79,8 +79,8 @@ tilt_sd_deg = {depth.tilt_sd_deg:.4f}
 class DepthGeometry:
     """The map from pixels with a depth to the eye frame.
 
-    Depths are scaled so that the globe has its registered size: a stereo camera's calibration errs by the same
-    share everywhere.
+    Depths are scaled so that the globe has its registered size: the calibration of a stereo camera errs by
+    the same share everywhere.
 
     Args:
         image: Between the images and the section.

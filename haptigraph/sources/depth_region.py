@@ -1,4 +1,4 @@
-"""Keep of every depth image the part around the globe, which is all that perception reads and a recording holds."""
+"""Cut depth images to the part around the globe: all that perception reads, and that recordings hold."""
 
 import numpy as np
 from msgspec.structs import replace

@@ -114,8 +114,9 @@ def _section(
     scale = camera.focal_px * found.diameter_mm / (2 * found.radius_px) / section_mm
     if not 1 / MAX_SCALE <= scale <= MAX_SCALE:
         raise ValueError(
-            f"the eye's cut face is at {face_mm:.0f} mm, but a globe of {found.diameter_mm:g} mm that appears "
-            f"{2 * found.radius_px:.0f} px wide is at {section_mm * scale:.0f} mm; check --diameter-mm"
+            f"the eye's cut face is at {face_mm:.0f} mm, but a globe of {found.diameter_mm:g} mm that "
+            f"appears {2 * found.radius_px:.0f} px wide is at {section_mm * scale:.0f} mm; "
+            "check --diameter-mm"
         )
     ray = np.array([1.0, *center])
     face_sd_mm = math.sqrt(ray @ covariance @ ray) * face_mm**2

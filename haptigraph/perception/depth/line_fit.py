@@ -11,6 +11,7 @@ OUTLIER_SD = 4.0
 MIN_SAMPLES = 4
 MIN_INLIER_SHARE = 0.35
 PRIOR_SAMPLES = 8.0  # the weight of the given standard deviation against the scatter about the line
+ALIKE_SAMPLES = 2.0  # neighbours that err alike: the matching window is longer than a block
 MAX_SCATTER = 6.0  # mean squared residual over the given variance: beyond, it is no line
 
 
@@ -37,7 +38,7 @@ def robust_line(at: Floats, values: Floats, sd: float, systematic: Floats) -> Fi
         at: Positions, (n,).
         values: (n,).
         sd: Standard deviation of a value.
-        systematic: By how much one standard deviation of each error that they share changes the values, (k, n).
+        systematic: Change of the values by one standard deviation of each error that they share, (k, n).
 
     Returns:
         The line; None if there are too few samples, or they are on no line.
@@ -56,11 +57,11 @@ def robust_line(at: Floats, values: Floats, sd: float, systematic: Floats) -> Fi
         return None
     variance = sd**2 * (PRIOR_SAMPLES + squares) / (PRIOR_SAMPLES + count - 2)
     shifts = solve @ systematic[:, is_inlier].T
-    return Fit(answer, variance * solve @ solve.T + shifts @ shifts.T)
+    return Fit(answer, ALIKE_SAMPLES * variance * solve @ solve.T + shifts @ shifts.T)
 
 
 def _consensus(at: Floats, values: Floats, within: float) -> Mask:
-    """Return the samples near that line through two of them which has the most, the closest if several have."""
+    """Return the samples near that line through two of them which most are near."""
     first, second = np.triu_indices(len(at), 1)
     slopes = (values[second] - values[first]) / (at[second] - at[first])
     off = np.abs(values - values[first, None] - slopes[:, None] * (at - at[first, None]))

@@ -1,11 +1,12 @@
 """The shaft in space as an entity of the scene, besides what a perceiver finds in the image.
 
 A straight shaft's inverse depth is linear along its image, and a stereo camera measures inverse depth with a
-constant standard deviation: a line fit gives the depth of tip and trocar. The camera sees the shaft's surface;
-its width in the image says how far behind the axis is.
+constant standard deviation: a line fit gives the depth of tip and trocar. The camera sees the surface of the
+shaft; its width says how far behind the axis is.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -14,7 +15,7 @@ from haptigraph.geometry import Point, Segment, Vec
 from haptigraph.imaging import Floats, Mask
 from haptigraph.messages import Capture, DepthImage, Observation
 from haptigraph.perception.depth.line_fit import MIN_SAMPLES, Fit, robust_line
-from haptigraph.perception.depth.sampling import BLOCK_PX, sample
+from haptigraph.perception.depth.sampling import BLOCK_PX, Blocks, sample
 from haptigraph.perception.entities import NEEDLE_3D
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.depth import DepthGeometry, DepthPlane
@@ -25,12 +26,41 @@ __all__ = ["DepthPerceiver"]
 OUTSIDE_MM = 6.0  # outside the trocar, up to which the shaft is followed
 HALF_WIDTH_MM = 0.6  # of the thickest shaft or cannula
 WALL_MARGIN_MM = 0.3
-SURFACE_SHARE, SURFACE_SD = math.pi / 4, 0.15  # of the radius: how far before the axis a shaft is, on average
+SURFACE_SHARE, SURFACE_SD = math.pi / 4, 0.25  # of the radius, before the axis; a highlight is deeper
 WIDTH_SD_MM = 0.12  # of a radius that was measured in the image: highlights and shade have edges, too
 RCM_SD_MM = 0.5  # of the shaft from the trocar's centre, across the section
 RCM_SDS = 3.0
 MAX_OUT_OF_PLANE_DEG = 75.0
 STEP = 1e-3  # share of a standard deviation, for derivatives
+
+
+class _Strip(NamedTuple):
+    """The line in the image as stored along which depth is sampled."""
+
+    first_px: Vec
+    """Outside the eye."""
+    tip_px: Vec
+    trocar_px: Vec
+
+    @property
+    def length_px(self) -> float:
+        return math.dist(self.first_px, self.tip_px)
+
+    @property
+    def entry_px(self) -> float:
+        """How far along it the trocar is."""
+        along = np.subtract(self.tip_px, self.first_px) / self.length_px
+        return float(along @ np.subtract(self.trocar_px, self.first_px))
+
+
+class _InSpace(NamedTuple):
+    """The shaft in space."""
+
+    shaft: Segment
+    tip_sd_mm: float
+    """Standard deviation of the tip's z."""
+    angle_sd_deg: float
+    """Of its angle to the section."""
 
 
 class DepthPerceiver:
@@ -79,50 +109,53 @@ class DepthPerceiver:
         """Forget earlier images."""
         self._perceiver.reset()
 
-    def _in_space(
-        self, capture: Capture, depth: DepthImage, line: Segment
-    ) -> tuple[Segment, float, float] | None:
-        """Return the shaft, and the standard deviations of its tip's z [mm] and its angle [deg]."""
+    def _in_space(self, capture: Capture, depth: DepthImage, line: Segment) -> _InSpace | None:
+        """Return the shaft in space by all of it that is visible, or else by what is inside the eye."""
         image = self._registration.checked(capture.image)
         to_px, mm_per_px = self._registration.image.to_px, self._registration.image.mm_per_px
-        inwards = np.subtract(line.end_mm, line.start_mm) / math.dist(line.start_mm, line.end_mm)
-        first_mm = self._first_mm(line, inwards)
-        first_px, tip_px = to_px(first_mm), to_px(line.end_mm)
-        length_px = math.dist(first_px, tip_px)
-        if length_px < MIN_SAMPLES * BLOCK_PX:
+        first_mm = self._first_mm(line)
+        strip = _Strip(to_px(first_mm), to_px(line.end_mm), to_px(self._registration.trocar.at_mm))
+        if strip.length_px < MIN_SAMPLES * BLOCK_PX:
             return None
-        hidden = self._hidden(first_mm, line.end_mm, int(length_px))
-        stated_px = self._half_width_px(line, first_mm, len(hidden))
-        blocks = sample(image, depth, (first_px, tip_px), HALF_WIDTH_MM / mm_per_px, hidden, stated_px)
+        hidden = self._hidden(first_mm, line.end_mm, int(strip.length_px))
+        stated_px = self._half_width_px(first_mm, line.end_mm, len(hidden))
+        ends_px = strip.first_px, strip.tip_px
+        blocks = sample(image, depth, ends_px, HALF_WIDTH_MM / mm_per_px, hidden, stated_px)
+        inverse, systematic = self._of_axis(blocks, strip.length_px, is_stated=stated_px is not None)
+        sd = self._inverse_sd(depth)
+        for from_px in (-math.inf, strip.entry_px):
+            part = blocks.along_px > from_px
+            fit = robust_line(blocks.along_px[part], inverse[part], sd, systematic[:, part])
+            found = fit and self._judged(fit, strip)
+            if found:
+                return found
+        return None
+
+    def _of_axis(self, blocks: Blocks, length_px: float, *, is_stated: bool) -> tuple[Floats, Floats]:
+        """Return one over the depth of the axis at each block, (n,), and its systematic errors, (k, n)."""
         tangent = blocks.half_px / self._plane.focal_px
         inverse = blocks.inverse_per_mm / (1 + SURFACE_SHARE * tangent)
-        systematic = [SURFACE_SD * tangent]
-        if stated_px is None:
-            constant = np.full(len(tangent), WIDTH_SD_MM / mm_per_px / self._plane.focal_px)
-            systematic += [constant, constant * (blocks.along_px / length_px - 0.5)]
-        fit = robust_line(blocks.along_px, inverse, self._inverse_sd(depth), np.array(systematic) * inverse)
-        if fit is None or min(fit(0.0), fit(length_px)) <= 0:
-            return None
-        entry_px = to_px(self._registration.trocar.at_mm)
-        at_px = (entry_px[0] - first_px[0]) * (tip_px[0] - first_px[0]) + (entry_px[1] - first_px[1]) * (
-            tip_px[1] - first_px[1]
-        )
-        entry_share = at_px / length_px**2
-        return self._judged(fit, (first_px, tip_px), length_px, entry_share)
+        errors = [SURFACE_SD * tangent]
+        if not is_stated:
+            width_sd = WIDTH_SD_MM / self._registration.image.mm_per_px / self._plane.focal_px
+            constant = np.full(len(tangent), width_sd)
+            errors += [constant, constant * (blocks.along_px / length_px - 0.5)]
+        return inverse, np.array(errors) * inverse
 
-    def _half_width_px(self, line: Segment, first_mm: Vec, count: int) -> Floats | None:
-        """Return the half-width of the stated needle at each pixel of length, (count,); None if none is stated."""
+    def _half_width_px(self, first_mm: Vec, tip_mm: Vec, count: int) -> Floats | None:
+        """Return the half-width of the stated needle at each pixel of length, (count,); None: not stated."""
         if self._needle_mm is None:
             return None
         thin, thick, taper_mm = self._needle_mm
-        behind_mm = math.dist(first_mm, line.end_mm) * (1 - (np.arange(count) + 0.5) / count)
+        behind_mm = math.dist(first_mm, tip_mm) * (1 - (np.arange(count) + 0.5) / count)
         share = np.minimum(behind_mm / max(taper_mm, 1e-9), 1.0)
         return np.asarray(
             (thin + (thick - thin) * share) / 2 / self._registration.image.mm_per_px, np.float64
         )
 
-    def _first_mm(self, line: Segment, inwards: Floats) -> Vec:
+    def _first_mm(self, line: Segment) -> Vec:
         """Return the point of the section, outside the eye, from which the shaft is followed."""
+        inwards = np.subtract(line.end_mm, line.start_mm) / math.dist(line.start_mm, line.end_mm)
         trocar = np.array(self._registration.trocar.at_mm)
         along_mm = float((trocar - np.array(line.start_mm)) @ inwards)
         x, y = np.array(line.start_mm) + (along_mm - OUTSIDE_MM) * inwards
@@ -141,37 +174,33 @@ class DepthPerceiver:
         rounding_mm = depth.unit_mm / math.sqrt(12)
         return math.hypot(self._plane.camera.inverse_sd_per_mm, rounding_mm / self._plane.section_mm**2)
 
-    def _judged(
-        self, fit: Fit, ends_px: tuple[Vec, Vec], length_px: float, entry_share: float
-    ) -> tuple[Segment, float, float] | None:
-        """Return the shaft and its standard deviations; None if it does not pass through the trocar."""
+    def _judged(self, fit: Fit, strip: _Strip) -> _InSpace | None:
+        """Return the shaft in space; None if it does not pass through the trocar."""
+        if min(fit(0.0), fit(strip.length_px)) <= 0:
+            return None
 
         def numbers(answer: Floats) -> Floats:
-            ends = self._ends_mm(replace(fit, answer=answer), ends_px, length_px, entry_share)
+            ends = self._ends_mm(replace(fit, answer=answer), strip)
             return np.array([ends[0, 2], ends[1, 2], _angle_deg(ends)])
 
-        sds = np.sqrt(np.diag(fit.covariance))
+        ends, sds = self._ends_mm(fit, strip), np.sqrt(np.diag(fit.covariance))
         changes = np.column_stack([numbers(fit.answer + STEP * each) for each in np.diag(sds)])
         jacobian = (changes - numbers(fit.answer)[:, None]) / (STEP * sds)
-        entry_sd_mm, tip_sd_mm, angle_sd_deg = np.sqrt(np.diag(jacobian @ fit.covariance @ jacobian.T))
-        ends = self._ends_mm(fit, ends_px, length_px, entry_share)
-        tip_sd_mm, entry_sd_mm = (
-            math.hypot(sd, self._plane_sd_mm(end))
-            for sd, end in zip((tip_sd_mm, entry_sd_mm), ends[::-1], strict=True)
-        )
-        angle_sd_deg = math.hypot(angle_sd_deg, self._plane.tilt_sd_deg)
-        if abs(ends[0, 2]) > RCM_SDS * math.hypot(entry_sd_mm, RCM_SD_MM):
-            return None
-        if abs(_angle_deg(ends)) > MAX_OUT_OF_PLANE_DEG:
+        of_entry, of_tip, of_angle = np.sqrt(np.diag(jacobian @ fit.covariance @ jacobian.T)).tolist()
+        entry_sd_mm = math.hypot(of_entry, self._plane_sd_mm(ends[0]), RCM_SD_MM)
+        if abs(ends[0, 2]) > RCM_SDS * entry_sd_mm or abs(_angle_deg(ends)) > MAX_OUT_OF_PLANE_DEG:
             return None
         (x0, y0, z0), (x1, y1, z1) = ends.tolist()
-        return Segment((x0, y0), (x1, y1), z0, z1), tip_sd_mm, angle_sd_deg
+        tip_sd_mm = math.hypot(of_tip, self._plane_sd_mm(ends[1]))
+        angle_sd_deg = math.hypot(of_angle, self._plane.tilt_sd_deg)
+        return _InSpace(Segment((x0, y0), (x1, y1), z0, z1), tip_sd_mm, angle_sd_deg)
 
-    def _ends_mm(self, fit: Fit, ends_px: tuple[Vec, Vec], length_px: float, entry_share: float) -> Floats:
+    def _ends_mm(self, fit: Fit, strip: _Strip) -> Floats:
         """Return the shaft at the trocar and at the tip, (2, 3), eye frame."""
-        (first, tip), shares = np.array(ends_px), np.array([entry_share, 1.0])
-        at_px = first + shares[:, None] * (tip - first)
-        return self._geometry.to_eye_mm(at_px, 1 / np.array([fit(length_px * share) for share in shares]))
+        along_px = np.array([strip.entry_px, strip.length_px])
+        first, tip = np.array([strip.first_px, strip.tip_px])
+        at_px = first + along_px[:, None] / strip.length_px * (tip - first)
+        return self._geometry.to_eye_mm(at_px, 1 / np.array([fit(each) for each in along_px]))
 
     def _plane_sd_mm(self, at_mm: Floats) -> float:
         """Return the standard deviation of the section's z at a point."""

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from msgspec import Struct
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, Mask, grey_of, peak_offset
@@ -65,7 +66,7 @@ def sample(
     if half_px is None:
         half_px = _half_widths(_sampled(grey_of(image), x, y, cv2.INTER_LINEAR), lanes, count, max_half_px)
     else:
-        half_px = half_px[: len(stations)].reshape(count, BLOCK_PX).mean(axis=1)
+        half_px = np.asarray(half_px[: len(stations)].reshape(count, BLOCK_PX).mean(axis=1), np.float64)
     values = _sampled(depth.values, x - depth.left_px, y - depth.top_px, cv2.INTER_NEAREST)
     is_core = np.abs(lanes)[:, None] <= np.maximum(CORE_SHARE * np.repeat(half_px, BLOCK_PX), LANE_PX)
     counts = is_core & (values > 0) & ~hidden[: len(stations)]
@@ -75,7 +76,7 @@ def sample(
     return Blocks(middle[is_used], half_px[is_used], inverse[is_used])
 
 
-def _sampled(values: Image, x: Floats, y: Floats, how: int) -> Floats:
+def _sampled(values: NDArray[np.uint8 | np.uint16], x: Floats, y: Floats, how: int) -> Floats:
     maps = np.asarray(x, np.float32), np.asarray(y, np.float32)
     return np.asarray(cv2.remap(values, *maps, how, borderMode=cv2.BORDER_CONSTANT), np.float64)
 
@@ -100,9 +101,9 @@ def _half_widths(grey: Floats, lanes: Floats, count: int, max_half_px: float) ->
 
 
 def _inverse_depths(counts: Mask, depth_mm: Floats, count: int) -> Floats:
-    """Return one over the mean depth of each block, (count,), outliers aside; nan where too few pixels have one."""
-    found = np.where(counts, depth_mm, np.nan).reshape(len(counts), count, BLOCK_PX)
-    found = found.transpose(1, 0, 2).reshape(count, -1)
+    """Return one over the mean depth of each block, (count,); nan where too few pixels have one."""
+    blocks = np.where(counts, depth_mm, np.nan).reshape(len(counts), count, BLOCK_PX)
+    found = blocks.transpose(1, 0, 2).reshape(count, -1)
     inverse, is_seen = np.full(count, np.nan), np.isfinite(found).sum(axis=1) >= MIN_DEPTHS
     if is_seen.any():
         seen = found[is_seen]

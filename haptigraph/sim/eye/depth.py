@@ -1,8 +1,8 @@
 """The simulated depth camera: depths of eye and shaft with the noise of a stereo camera such as the D405.
 
-A ray through each pixel meets the shaft, the cut wall, the bowl or what is behind; one over its depth gets noise
-of constant standard deviation, as a disparity has. At the shaft's silhouette there are holes and depths between
-shaft and background; a shaft too thin for the matching window has no others.
+A ray through each pixel meets the shaft, the cut wall, the bowl or what is behind; one over its depth gets
+noise of constant standard deviation, as a disparity has. At the shaft's silhouette there are holes and depths
+between shaft and background; a shaft too thin for the matching window has no others.
 """
 
 import math
@@ -199,7 +199,9 @@ class DepthRenderer:
         is_edge = np.maximum(inside, outside) <= self._shape.edge_px
         share = rng.random(self._size)
         flying = share * inverse + (1 - share) / self._background
-        return np.where(is_edge, np.where(rng.random(self._size) < FLYING_SHARE, flying, 0), inverse)
+        return np.asarray(
+            np.where(is_edge, np.where(rng.random(self._size) < FLYING_SHARE, flying, 0), inverse), np.float64
+        )
 
     def _alike(self, rng: np.random.Generator, sd_px: float) -> Floats:
         """Return noise of standard deviation 1 that is alike within some pixels."""

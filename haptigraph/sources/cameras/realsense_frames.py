@@ -16,8 +16,9 @@ from haptigraph.sources.cameras.realsense_sdk import sdk
 __all__ = ["ColourFrames", "depth_of"]
 
 QUEUE_SIZE = 2  # short, so that the newest image does not wait behind older ones
+MAX_ALONE = 30  # depth frames in a row without colour: then colour has stopped
 NEAR_WIDTH_PX = 848
-"""Of depth images: D400 cameras search 128 px of disparity, so that wider ones see nothing as near as an eye."""
+"""Of depth images: D400 cameras search 128 px of disparity, so wider ones see nothing as near as an eye."""
 MM_PER_M = 1000.0
 
 
@@ -60,13 +61,15 @@ class ColourFrames:
         if self._align is None:
             has_frame, frame = self._queue.try_wait_for_frame(timeout_ms)
             return (frame, None) if has_frame else None
-        has_frames, frames = self._queue.try_wait_for_frames(timeout_ms)
-        colour = frames.get_color_frame() if has_frames else None
-        if not colour:
-            return None
-        return colour, depth_of(
-            self._align.process(frames).get_depth_frame() if frames.get_depth_frame() else None
-        )
+        for _ in range(MAX_ALONE):
+            has_frames, frames = self._queue.try_wait_for_frames(timeout_ms)
+            colour = frames.get_color_frame() if has_frames else None
+            if colour:
+                aligned = self._align.process(frames) if frames.get_depth_frame() else frames
+                return colour, depth_of(aligned.get_depth_frame())
+            if not has_frames:
+                break
+        return None
 
     def close(self) -> None:
         """Stop streaming, as far as it ever began."""
