@@ -30,7 +30,7 @@ MIN_SEEN_SHARE = 0.3  # of the images in which a pixel must have a depth
 WALL_RATIO = 1.12  # of the outer radius to the inner, where the outer edge was not found
 EDGE_SHARE = 0.2  # of the face's width, left out at either edge: depths there are wrong
 RINGS, RAYS = 7, 720
-OUTLIER_SD, ROUNDS = 3.0, 8
+OUTLIER_SD, NEAR_SD, ROUNDS = 3.0, 60.0, 8  # at first, a tilted face may be that far from its median
 MIN_INLIER_SHARE = 0.4
 ALIKE_PX = 5.0  # across the matching window of a stereo camera: within it, errors are one
 FLATNESS_MM = 0.1  # standard deviation of a cut or printed face over its radius
@@ -86,7 +86,8 @@ def plane_of_face(depth: DepthImage, camera: DepthCamera, anatomy: Anatomy, foun
     rays = (at_px - np.array(camera.principal_px)) / camera.focal_px
     design = np.column_stack([np.ones(len(rays)), rays])  # one over the depth of a plane is linear in the ray
     inverse, sd = 1 / values, camera.inverse_sd_per_mm
-    is_inlier = np.abs(inverse - np.median(inverse)) <= 20 * sd
+    middle = float(np.median(inverse)) if len(inverse) else 0.0
+    is_inlier = np.abs(inverse - middle) <= NEAR_SD * sd
     for _ in range(ROUNDS):
         if is_inlier.sum() < MIN_INLIER_SHARE * RINGS * RAYS:
             raise ValueError(

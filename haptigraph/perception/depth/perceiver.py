@@ -31,6 +31,7 @@ WIDTH_SD_MM = 0.12  # of a radius that was measured in the image: highlights and
 RCM_SD_MM = 0.5  # of the shaft from the trocar's centre, across the section
 RCM_SDS = 3.0
 MAX_OUT_OF_PLANE_DEG = 75.0
+MAX_SD_DEG = 1.5  # of a reported angle; a less certain one says little
 STEP = 1e-3  # share of a standard deviation, for derivatives
 
 
@@ -66,8 +67,8 @@ class _InSpace(NamedTuple):
 class DepthPerceiver:
     """Add the shaft in space to what a perceiver finds, where the depth image shows it.
 
-    Nothing is added if too few depths are on a line, or if that line does not pass through the trocar: it is
-    the background's then.
+    Nothing is added if too few depths are on a line, if its angle is too uncertain, or if it does not pass
+    through the trocar: it is the background's then.
 
     Args:
         perceiver: Processes the image.
@@ -175,7 +176,7 @@ class DepthPerceiver:
         return math.hypot(self._plane.camera.inverse_sd_per_mm, rounding_mm / self._plane.section_mm**2)
 
     def _judged(self, fit: Fit, strip: _Strip) -> _InSpace | None:
-        """Return the shaft in space; None if it does not pass through the trocar."""
+        """Return the shaft in space; None if it is too uncertain or does not pass through the trocar."""
         if min(fit(0.0), fit(strip.length_px)) <= 0:
             return None
 
@@ -193,6 +194,8 @@ class DepthPerceiver:
         (x0, y0, z0), (x1, y1, z1) = ends.tolist()
         tip_sd_mm = math.hypot(of_tip, self._plane_sd_mm(ends[1]))
         angle_sd_deg = math.hypot(of_angle, self._plane.tilt_sd_deg)
+        if angle_sd_deg > MAX_SD_DEG:
+            return None
         return _InSpace(Segment((x0, y0), (x1, y1), z0, z1), tip_sd_mm, angle_sd_deg)
 
     def _ends_mm(self, fit: Fit, strip: _Strip) -> Floats:
