@@ -5,7 +5,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from msgspec.structs import replace
+from paths import DATA
 
+from haptigraph.assemble import build
+from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.projection import ImageGeometry
 from haptigraph.registration.camera import anatomy_px
@@ -14,6 +17,8 @@ from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.registration.retarget import with_target
 from haptigraph.registration.text import registration_text
 from haptigraph.registration.tilt import CameraTilt
+from haptigraph.sim.phantom import Phantom
+from haptigraph.sim.scenario import load_scenario
 
 FOCAL_PX, SECTION_MM = 800.0, 100.0
 PLANE = DepthPlane(FOCAL_PX, (320.0, 180.0), 8040.0, SECTION_MM, (0.0, 0.0), 0.1, 0.3)
@@ -92,3 +97,23 @@ def test_a_section_at_another_distance_than_the_globes_size_is_refused(registrat
     text, _ = with_depth(registration, section_mm=200.0)
     with pytest.raises(BadInput, match=r"line [0-9]+: at 200 mm a globe .* 2\.00 times as large .*plausible"):
         parse_camera_registration(text, "eye.toml")
+
+
+def notes_of(uri, tmp_path, text):
+    path = tmp_path / "eye.toml"
+    path.write_text(text)
+    given = f"source.uri={uri}", f"source.registration={path}", f"haptics.device=trace:{tmp_path / 'out.csv'}"
+    loop = build(load_config(None, given))
+    loop.close()
+    return [note for note in loop.notes if "out of the section" in note]
+
+
+def test_a_run_says_before_it_begins_why_depth_is_of_no_use(tmp_path, quick_uri, registration):
+    deep = f"phantom:{DATA / 'deep.toml'}"
+    own = Phantom(load_scenario(str(DATA / "deep.toml"))).registration
+    anatomy = anatomy_px(parse_camera_registration(own, "deep"))
+    (lacks_plane,) = notes_of(deep, tmp_path, registration_text(replace(anatomy, depth=None), "Flat."))
+    assert "does not say where the section is in depth; register again with depth" in lacks_plane
+    (lacks_depth,) = notes_of(quick_uri, tmp_path, with_depth(registration)[0])
+    assert "the source delivers no depth" in lacks_depth
+    assert notes_of(deep, tmp_path, own) == []
