@@ -102,7 +102,7 @@ def test_a_section_at_another_distance_than_the_globes_size_is_refused(registrat
 def notes_of(uri, tmp_path, text):
     path = tmp_path / "eye.toml"
     path.write_text(text)
-    given = f"source.uri={uri}", f"source.registration={path}", f"haptics.device=trace:{tmp_path / 'out.csv'}"
+    given = f"source.uri={uri}", f"source.registration={path}", "haptics.device=console"
     loop = build(load_config(None, given))
     loop.close()
     return [note for note in loop.notes if "out of the section" in note]

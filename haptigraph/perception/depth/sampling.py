@@ -72,7 +72,7 @@ def sample(
     counts = is_core & (values > 0) & ~hidden[: len(stations)]
     inverse = _inverse_depths(counts, values * depth.unit_mm, count)
     is_used = np.isfinite(inverse) & (half_px >= MIN_HALF_PX)
-    middle = (np.arange(count) + 0.5) * BLOCK_PX
+    middle = np.asarray((np.arange(count) + 0.5) * BLOCK_PX, np.float64)
     return Blocks(middle[is_used], half_px[is_used], inverse[is_used])
 
 

@@ -163,9 +163,8 @@ class DepthRenderer:
         within = np.maximum(along**2 - squared * (self._origin @ self._origin - radius_mm**2), 0)
         bowl_mm = (-along + np.sqrt(within)) / squared
         behind_mm = (-BEHIND_MM - self._origin[2]) / self._rays[:, 2]
-        return np.where(
-            off_mm < radius_mm, bowl_mm, np.where(off_mm < radius_mm + shape.wall_mm, rim_mm, behind_mm)
-        )
+        around_mm = np.where(off_mm < radius_mm + shape.wall_mm, rim_mm, behind_mm)
+        return np.asarray(np.where(off_mm < radius_mm, bowl_mm, around_mm), np.float64)
 
     def _of_shaft(self, shaft: Segment) -> Floats:
         """Return the depth of the shaft's visible surface at each pixel; infinite beside it."""
