@@ -93,12 +93,15 @@ def build(
     config = config.with_perceiver(perceiver_name(config, procedure))  # so that a recording names it
     load_registration = _load("haptigraph.registration.loading:load_registration")
     given = load_registration(config.source.registration) if config.source.registration else None
+    if config.source.depth is None and getattr(given, "depth", None) is not None:
+        config = config.with_depth()
     with ExitStack() as undo:
         source = open_source(config, clock, (given.width_px, given.height_px) if given else None)
         undo.callback(source.close)
         phased = _load("haptigraph.sources.phased:phased")
         source = phased(source, procedure.schema.phases, config.trial.phase)
         registration = registration_of(config, source, given)
+        source = _load("haptigraph.sources.depth_region:with_depth_region")(source, registration)
         robot, robot_setup = None, source.robot_setup or ""
         if config.robot.uri or config.robot.setup or config.robot.steer:
             robot, robot_setup = _load("haptigraph.run_robot:open_readings")(config.robot, source, clock)
@@ -232,7 +235,8 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
         **dict.fromkeys(("dicom", "images", "rosbag"), rate),
         "oct": {"settings": settings},
         "phantom": {"loop": settings.loop, "target_mm": settings.target_mm},
-        **dict.fromkeys(("realsense", "ros2"), camera),
+        "realsense": {**camera, "depth": bool(settings.depth)},
+        "ros2": camera,
         "teleop": {"clock": clock, "target_mm": settings.target_mm},
     }
     source: Source = _load(SOURCES[kind])(argument, **options.get(kind, {}))
@@ -285,6 +289,9 @@ def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Pro
     if (tilt := registration.image.frontal_from_image) is not None:
         tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")
         perceive = tilt_corrected(perceive, registration, tilt)
+    if (plane := getattr(registration, "depth", None)) is not None:
+        in_space = _load("haptigraph.perception.depth.perceiver:DepthPerceiver")
+        perceive = in_space(perceive, registration, plane, config.perception.needle_mm)
     if ROBOT_TIP in [entity.name for entity in procedure.schema.entities]:
         with_robot = _load("haptigraph.perception.robot_tip:RobotTipPerceiver")
         perceive = with_robot(perceive, config.robot.timing_sd_ms)

@@ -29,6 +29,8 @@ __all__ = [
 Positive = Annotated[float, Meta(gt=0)]
 Corner = Annotated[int, Meta(ge=0, le=16384)]
 Side = Annotated[int, Meta(ge=16, le=16384)]
+NeedleMm = Annotated[float, Meta(gt=0, le=3)]
+TaperMm = Annotated[float, Meta(ge=0, le=100)]
 Box = tuple[Corner, Corner, Side, Side]
 UpToADayMs = Annotated[float, Meta(ge=1, le=86_400_000)]
 
@@ -65,6 +67,8 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Clockwise rotation of every image of a camera or file, so that the eye is upright."""
     mirror: bool = False
     """Whether left and right of every image are exchanged, after the rotation."""
+    depth: bool | None = None
+    """Whether realsense[:SERIAL] reads depth images, too; unset: if the registration has [depth]."""
     crop_px: Box | None = None
     """Region of interest: left, top, width, height; unset: the whole image."""
     bits: Annotated[int, Meta(ge=0, le=16)] = 0
@@ -105,6 +109,9 @@ class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Minimum difference of a needle pixel from the local mean, in grey levels."""
     alpha: Annotated[float, Meta(gt=0, le=1)] = 0.5
     """Weight of the new image in the moving average; 1: no smoothing."""
+    needle_mm: tuple[NeedleMm, NeedleMm, TaperMm] | None = None
+    """Diameters of the needle at its tip and of its shaft, and length of the taper between them; unset: its
+    width is measured in the image. Depth is that of its surface, so the tip's z depends on them."""
 
     def __post_init__(self) -> None:
         if self.block_size_px % 2 == 0:
@@ -215,6 +222,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     def with_perceiver(self, name: str) -> "Config":
         """Return the same configuration with another perceiver."""
         return replace(self, perception=replace(self.perception, perceiver=name))
+
+    def with_depth(self) -> "Config":
+        """Return the same configuration, but depth images are read."""
+        return replace(self, source=replace(self.source, depth=True))
 
 
 def load_config(path: str | Path | None = None, settings: tuple[str, ...] = ()) -> Config:

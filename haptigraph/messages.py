@@ -27,6 +27,7 @@ __all__ = [
     "Certainty",
     "Conclusion",
     "Delivered",
+    "DepthImage",
     "Fault",
     "Follow",
     "ForceField",
@@ -178,6 +179,16 @@ class ForceSample(Struct, frozen=True):
     """Whether the operator held the clutch."""
 
 
+class DepthImage(Struct, frozen=True, eq=False):
+    """Depths along the camera's optical axis, pixel by pixel those of an image or of a part of it."""
+
+    values: NDArray[np.uint16]
+    """(h, w), in units; 0: not measured."""
+    unit_mm: float
+    left_px: int = 0
+    top_px: int = 0
+
+
 class Capture(Struct, frozen=True, eq=False):
     """One tick of input: an image, or the fact that there is none."""
 
@@ -205,9 +216,10 @@ class Capture(Struct, frozen=True, eq=False):
     """Measurements of the robot since the previous capture, oldest first."""
     force: tuple[ForceSample, ...] = ()
     """What the force device did since the previous capture, oldest first."""
+    depth: DepthImage | None = None
 
 
-class Certainty(Struct, frozen=True):
+class Certainty(Struct, frozen=True, omit_defaults=True):
     """Confidence and uncertainty of a perceiver's needle estimate."""
 
     confidence: float
@@ -216,6 +228,8 @@ class Certainty(Struct, frozen=True):
     """Standard deviation of the tip; None if it is not known where the tip is."""
     theta_sd_deg: float
     """Standard deviation of the shaft's angle."""
+    out_of_plane_sd_deg: float | None = None
+    """Standard deviation of its angle to the section; None if no depth shows it."""
 
 
 CERTAIN = Certainty(1.0, 0.0, 0.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
 
-__all__ = ["Homography", "ImageGeometry", "Slices"]
+__all__ = ["DepthCamera", "Homography", "ImageGeometry", "Slices"]
 
 
 class Homography(Struct, frozen=True, dict=True):
@@ -101,3 +101,21 @@ class ImageGeometry(Struct, frozen=True):
     @property
     def _down_mm_per_px(self) -> float:
         return self.mm_per_px if self.axial_mm_per_px is None else self.axial_mm_per_px
+
+
+class DepthCamera(Struct, frozen=True, forbid_unknown_fields=True):
+    """A stereo depth camera, as a pinhole whose pixels are those of its images as stored."""
+
+    focal_px: float
+    principal_px: Vec
+    """Where the optical axis meets the image."""
+    disparity_px_mm: float
+    """Disparity [px] times depth [mm]: the stereo pair's own focal length times its baseline."""
+    subpixel_px: float = 0.08
+    """Standard deviation of a disparity. Intel's "Tuning depth cameras for best performance" has
+    sd_z = z^2 subpixel / (focal length * baseline), and 0.08 px as typical of the D400 series."""
+
+    @property
+    def inverse_sd_per_mm(self) -> float:
+        """Standard deviation of one over a depth; the same at all depths."""
+        return self.subpixel_px / self.disparity_px_mm

@@ -49,6 +49,8 @@ def run_info(
         if text:
             digest = hashlib.sha256(text.encode()).hexdigest()
             info = replace(info, **{name: text, f"{name}_sha256": digest})
+    if (camera := source.depth_camera) is not None:
+        info = replace(info, depth_camera=msgspec.json.encode(camera).decode())
     return info
 
 

@@ -7,7 +7,7 @@ from haptigraph.config import Config
 from haptigraph.haptics.pattern import unsupported
 from haptigraph.haptics.profiles.fit import profile_notes
 from haptigraph.haptics.profiles.profile import DeviceProfile
-from haptigraph.inference.coverage import ROBOT_TIP, unreported_notes
+from haptigraph.inference.coverage import NEEDLE_3D, ROBOT_TIP, unreported_notes
 from haptigraph.registration.assumed import assumed_notes
 from haptigraph.stages import Device, PerceiverClass, Source
 
@@ -47,6 +47,7 @@ def run_notes(
             f"{procedure.name} compares the robot's tip with that in the image, but no calibrated robot is "
             "read: give --robot and --robot-setup"
         )
+    notes += _depth_notes(source, procedure, registration)
     if registration.image.slices is not None:
         notes.append(
             f"{source.rate_hz:g} volumes/s: haptic output ends {config.haptics.deadman_ms:g} ms after the "
@@ -65,3 +66,16 @@ def run_notes(
             "--force, or by --bridge ros2"
         )
     return notes
+
+
+def _depth_notes(source: Source, procedure: "Procedure", registration: "BaseRegistration") -> list[str]:
+    """Return why the needle out of the section is not known, where a procedure or a source has depth."""
+    needs = any(entity.name == NEEDLE_3D for entity in procedure.schema.entities)
+    has_plane = getattr(registration, "depth", None) is not None
+    if source.depth_camera is None and (needs or has_plane):
+        why = "the source delivers no depth"
+    elif source.depth_camera is not None and not has_plane:
+        why = "the registration does not say where the section is in depth; register again with depth"
+    else:
+        return []
+    return [f"the angle of the needle out of the section is not measured: {why}"]

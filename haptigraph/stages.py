@@ -21,6 +21,7 @@ from haptigraph.messages import (
     RobotSample,
     Step,
 )
+from haptigraph.projection import DepthCamera
 
 __all__ = [
     "Device",
@@ -57,6 +58,8 @@ class Source(Protocol):
 
     robot_setup: str | None = None
     """TOML text of robot.toml, where the source delivers robot samples; None: it has none."""
+    depth_camera: DepthCamera | None = None
+    """The camera that measures the depths in its captures; None: there are none."""
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next capture, or None if none arrived in time.

@@ -9,6 +9,7 @@ from haptigraph.stages import PerceiverClass
 
 __all__ = [
     "CAMERA_ANATOMY",
+    "NEEDLE_3D",
     "ROBOT_TIP",
     "check_margins",
     "reported_with",
@@ -19,6 +20,8 @@ __all__ = [
 
 CAMERA_ANATOMY = frozenset(("eye_globe", "retina_surface", "retina_target", "trocar"))
 """What every registration of a camera reports."""
+NEEDLE_3D = "needle_3d"
+"""What a run before a depth camera reports, whatever its perceiver."""
 ROBOT_TIP = "robot_tip"
 """What a run reports that reads a calibrated robot, whatever its perceiver."""
 SCAN_ANATOMY = frozenset(("retina_surface",))
@@ -101,7 +104,7 @@ def unreported(procedure: Procedure, reported: Collection[str]) -> dict[str, tup
         By state: the entities that are missing.
     """
     phases = procedure.schema.phases
-    there = {*reported, *phases, ROBOT_TIP}
+    there = {*reported, *phases, NEEDLE_3D, ROBOT_TIP}
     needed = {state.name: _needed(procedure, state) for state in procedure.states}
     return {
         name: missing
@@ -117,7 +120,8 @@ def check_margins(procedure: Procedure, name: str, perceiver: PerceiverClass) ->
         BadInput: If it does not.
     """
     for relation in procedure.schema.relations:
-        if relation.margin_sd and relation.subject not in perceiver.entities_with_sd:
+        with_sd = perceiver.entities_with_sd | ({NEEDLE_3D} if perceiver.images == "eye" else set())
+        if relation.margin_sd and relation.subject not in with_sd:
             problem = f"perceiver {name} estimates no standard deviation of {relation.subject}"
             raise BadInput(f"{procedure.name} has margin_sd, but {problem}; choose another of either")
 

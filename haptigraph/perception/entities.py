@@ -1,6 +1,9 @@
 """What each perceiver reports, by its name: known without importing the perceiver."""
 
-__all__ = ["ENTITIES", "ROBOT_TIP"]
+__all__ = ["ENTITIES", "NEEDLE_3D", "ROBOT_TIP"]
+
+NEEDLE_3D = "needle_3d"
+"""The shaft in space, from the trocar to the tip: of a run with depth images, whatever its perceiver."""
 
 ROBOT_TIP = "robot_tip"
 """The tip as the robot reports it: of a run that reads a calibrated robot, whatever its perceiver."""

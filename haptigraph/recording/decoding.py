@@ -6,13 +6,15 @@ from typing import Any
 
 import msgspec
 from mcap.records import Message
+from msgspec import UNSET
 
 from haptigraph.errors import BadInput
 from haptigraph.recording.schema import TOPICS, CaptureRecord
 
-__all__ = ["IMAGE", "decode_message", "is_complete", "is_read"]
+__all__ = ["DEPTH", "IMAGE", "decode_message", "is_complete", "is_read"]
 
 IMAGE = "/camera/image"
+DEPTH = "/camera/depth"
 VIEWER_TOPICS = ("/camera/annotations", "/log", "/robot/poses")
 STEP_TOPICS = {"/capture", "/observation", "/graph", "/state", "/command"}  # of a complete step
 DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
@@ -54,4 +56,5 @@ def is_complete(messages: Mapping[str, Any]) -> bool:
     if not messages.keys() >= STEP_TOPICS:
         return False
     capture: CaptureRecord = messages["/capture"]
-    return capture.image != "recorded" or IMAGE in messages
+    has_image = capture.image != "recorded" or IMAGE in messages
+    return has_image and (capture.depth is UNSET or DEPTH in messages)

@@ -6,9 +6,9 @@ from msgspec import UNSET, Struct
 
 from haptigraph.messages import Capture, Step
 from haptigraph.projection import ImageGeometry
-from haptigraph.recording.codec import encode_png, format_of
+from haptigraph.recording.codec import encode_depth, encode_png, format_of
 from haptigraph.recording.foxglove import WARNING, CompressedImage, Log, Time, annotations, robot_poses
-from haptigraph.recording.schema import CaptureRecord, Kept, VideoImage
+from haptigraph.recording.schema import CaptureRecord, DepthPlace, Kept, VideoImage
 
 __all__ = ["entries"]
 
@@ -36,6 +36,7 @@ def entries(
     kept: Kept = "dropped" if dropped else "none" if capture.image is None else "recorded"
     if kept == "recorded" and video is not None:
         kept = "video"
+    depth = capture.depth if kept in ("recorded", "video") else None
     record = CaptureRecord(
         capture.index,
         capture.stamp_ns,
@@ -49,12 +50,15 @@ def entries(
         capture.delivered or UNSET,
         capture.robot or UNSET,
         capture.force or UNSET,
+        DepthPlace(depth.unit_mm, depth.left_px, depth.top_px) if depth else UNSET,
     )
     yield "/capture", record
     if capture.hand is not None:
         yield "/teleop", capture.hand
     if kept == "recorded":
         yield "/camera/image", _compressed(time, capture)
+    if depth is not None:
+        yield "/camera/depth", CompressedImage(time, "camera", encode_depth(depth.values), "png")
     yield "/camera/annotations", annotations(time, step.observation.found, image, step.conclusion.state)
     yield "/observation", step.observation
     yield "/graph", step.graph

@@ -1,17 +1,18 @@
 """Read recordings, also interrupted ones: the header, and captures and steps in order."""
 
-from collections.abc import Container, Generator, Iterator
+from collections.abc import Container, Generator, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mcap.records import Channel, Message, Metadata
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
-from haptigraph.messages import Capture, Image, Step
+from haptigraph.messages import Capture, DepthImage, Image, Step
 from haptigraph.recording.attachments import AttachedFile
-from haptigraph.recording.codec import decode
-from haptigraph.recording.decoding import IMAGE, decode_message, is_complete, is_read
+from haptigraph.recording.codec import decode, decode_depth
+from haptigraph.recording.decoding import DEPTH, IMAGE, decode_message, is_complete, is_read
 from haptigraph.recording.foxglove import CompressedImage
 from haptigraph.recording.header import Losses, is_header, is_losses, read_header, read_losses
 from haptigraph.recording.journal import complete_records, is_being_written, is_whole, records_between
@@ -111,6 +112,7 @@ class RunReader:
             image = decode(data) if data is not None and decodes else None
             if decodes and record.video is not None:
                 image = self._video_image(sequence, record)
+            depth = _depth(record, messages) if decodes else None
         except ValueError as error:
             raise BadInput(f"image cannot be decoded: {error}", self.path, f"step {sequence}") from None
         capture = Capture(
@@ -127,6 +129,7 @@ class RunReader:
             record.delivered or (),
             record.robot or (),
             record.force or (),
+            depth,
         )
         step = Step(
             record.index,
@@ -186,7 +189,7 @@ class RunReader:
                     yield StepLocation(sequence, start, last), messages
                 sequence, messages, start = record.sequence, {}, before
             last = end
-            if topic == IMAGE and images is not None and sequence not in images:
+            if topic in (IMAGE, DEPTH) and images is not None and sequence not in images:
                 messages[topic] = None
             elif is_read(topic) or not topic:
                 messages[topic] = decode_message(topic, record, self.path)
@@ -210,3 +213,10 @@ class RunReader:
         if info is None:
             raise BadInput("not a recording of haptigraph (its header is missing)", self.path)
         return info
+
+
+def _depth(record: CaptureRecord, messages: Mapping[str, Any]) -> DepthImage | None:
+    if record.depth is UNSET:
+        return None
+    place, values = record.depth, decode_depth(messages[DEPTH].data)
+    return DepthImage(values, place.unit_mm, place.left_px, place.top_px)

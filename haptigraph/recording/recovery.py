@@ -11,9 +11,9 @@ from msgspec import Struct
 
 from haptigraph.errors import BadInput
 from haptigraph.recording.attachments import AttachedFile
-from haptigraph.recording.codec import decode
+from haptigraph.recording.codec import decode, decode_depth
 from haptigraph.recording.compaction import LIBRARY, Progress, write_compacted
-from haptigraph.recording.decoding import decode_message, is_complete
+from haptigraph.recording.decoding import DEPTH, IMAGE, decode_message, is_complete
 from haptigraph.recording.header import Losses, is_header, is_losses, losses_record, read_header
 from haptigraph.recording.journal import FileIdentity, is_being_written, is_whole, not_being_written
 from haptigraph.recording.scan import Damage, Piece, open_regular, scan
@@ -217,12 +217,12 @@ def _is_good(
             messages[channel.topic] = decode_message(channel.topic, record, path)
         except BadInput:
             return False
-    image = messages.get("/camera/image")
-    if checks_images and image is not None:
-        try:
-            decode(image.data)
-        except ValueError:
-            return False
+    for topic, decoded in ((IMAGE, decode), (DEPTH, decode_depth)):
+        if checks_images and topic in messages:
+            try:
+                decoded(messages[topic].data)
+            except ValueError:
+                return False
     return is_complete(messages) and ("/timing" in messages or not is_cut)
 
 

@@ -35,6 +35,7 @@ __all__ = [
     "TOPICS",
     "UNCHECKED",
     "CaptureRecord",
+    "DepthPlace",
     "Kept",
     "RunInfo",
     "Topic",
@@ -84,6 +85,8 @@ class RunInfo(Struct, frozen=True):
     device_profile: str = ""
     """The complete profile of the haptic device; empty: none, so that amplitudes were its drive."""
     device_profile_sha256: str = ""
+    depth_camera: str = ""
+    """The camera that measured the depths, JSON (`DepthCamera`); empty: there are none."""
 
 
 class VideoImage(Struct, frozen=True):
@@ -93,6 +96,14 @@ class VideoImage(Struct, frozen=True):
     """In the video, from 0."""
     crc32: int
     """CRC-32 of its pixels, rows from the top, BGR or grey."""
+
+
+class DepthPlace(Struct, frozen=True):
+    """What /camera/depth shows of an image, and in which unit."""
+
+    unit_mm: float
+    left_px: int
+    top_px: int
 
 
 class CaptureRecord(Struct, frozen=True):
@@ -116,6 +127,8 @@ class CaptureRecord(Struct, frozen=True):
     """Measurements of the robot; left out where there were none."""
     force: tuple[ForceSample, ...] | UnsetType = UNSET
     """What the force device did; left out where there was none."""
+    depth: DepthPlace | UnsetType = UNSET
+    """Of the depths in /camera/depth; left out where there were none, or the image was dropped."""
 
 
 class Topic(NamedTuple):
@@ -186,6 +199,13 @@ TOPICS = (
         "the robot's poses in its base, for viewers",
     ),
     Topic("/log", Log, "foxglove.Log", "", "faults, for viewers"),
+    Topic(
+        "/camera/depth",
+        CompressedImage,
+        "foxglove.CompressedImage",
+        "",
+        "the depths that perception consumed, as PNG of 16 bits; `/capture` has unit and position",
+    ),
 )
 
 

@@ -26,6 +26,7 @@ from haptigraph.imaging import Rotation, Turn
 from haptigraph.projection import Homography, ImageGeometry
 from haptigraph.registration.assumed import check_assumed
 from haptigraph.registration.background import BackgroundImage
+from haptigraph.registration.depth import DepthPlane, check_depth
 from haptigraph.registration.registered import VIEW_MARGIN, BaseRegistration
 from haptigraph.registration.text import AnatomyPx, TrocarPx, check_format
 from haptigraph.toml_document import Document
@@ -94,6 +95,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     background: _BackgroundTable | None = field(name="empty", default=None)
     assumed: tuple[str, ...] = ()
     source: _Source = _Source()
+    depth: DepthPlane | None = None
 
 
 class Registration(BaseRegistration, frozen=True):
@@ -108,6 +110,8 @@ class Registration(BaseRegistration, frozen=True):
     """Those that another instrument may go through."""
     background: BackgroundImage | None = None
     """Reference image without instrument, if the file has one."""
+    depth: DepthPlane | None = None
+    """The section in the depth camera's images, if the file says where it is."""
 
     @property
     def anatomy(self) -> dict[str, Geometry]:
@@ -151,6 +155,7 @@ def anatomy_px(registration: Registration) -> AnatomyPx:
         background_webp=_webp(data),
         assumed=registration.assumed,
         turn=registration.turn,
+        depth=registration.depth,
     )
 
 
@@ -195,6 +200,7 @@ def camera_registration(document: Document) -> Registration:
         background=_background_image(document, data),
         assumed=check_assumed(document, data.assumed),
         turn=Turn(data.source.rotate_deg, data.source.mirror),
+        depth=check_depth(document, data.depth, geometry),
     )
 
 

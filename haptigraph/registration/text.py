@@ -9,6 +9,7 @@ from msgspec import Struct
 from haptigraph.geometry import Vec
 from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.projection import Homography
+from haptigraph.registration.depth import DepthPlane, depth_table
 from haptigraph.toml_document import Document
 
 __all__ = [
@@ -58,6 +59,7 @@ class AnatomyPx(Struct, frozen=True):
     """How the source's images were turned."""
     assumed: tuple[str, ...] = ()
     """What was neither measured nor stated, by name (`registration.assumed`)."""
+    depth: DepthPlane | None = None
 
 
 def check_format(document: Document, version: int) -> None:
@@ -92,7 +94,7 @@ contour_px = [{contour}]
 
 [target]
 point_px = {_px(anatomy.target_px)}
-{trocars}{_source_table(anatomy.turn)}{_homography_table(anatomy.frontal_from_image)}{_background_table(anatomy.background_webp)}"""
+{trocars}{_source_table(anatomy.turn)}{depth_table(anatomy.depth)}{_homography_table(anatomy.frontal_from_image)}{_background_table(anatomy.background_webp)}"""
 
 
 def scan_registration_text(

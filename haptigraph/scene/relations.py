@@ -28,6 +28,7 @@ from haptigraph.geometry import (
     subtract,
 )
 from haptigraph.messages import Certainty
+from haptigraph.scene.in_space import out_of_plane_deg, out_of_plane_mm, theta_space_deg
 
 __all__ = ["MEASURES", "SMALLEST_EYE_MM", "Found", "Limits", "Measure", "Plausible"]
 
@@ -243,6 +244,16 @@ def _theta_sd_deg(certainty: Certainty) -> float | None:
     return certainty.theta_sd_deg
 
 
+def _out_of_plane_sd_deg(certainty: Certainty) -> float | None:
+    return certainty.out_of_plane_sd_deg
+
+
+def _theta_space_sd_deg(certainty: Certainty) -> float | None:
+    """Return the larger one: an angle in space changes by no more than the shaft turns."""
+    out_of_plane = certainty.out_of_plane_sd_deg
+    return None if out_of_plane is None else max(certainty.theta_sd_deg, out_of_plane)
+
+
 MEASURES: dict[str, Measure] = {
     "distance_mm": Measure(
         distance_mm,
@@ -300,6 +311,18 @@ MEASURES: dict[str, Measure] = {
     ),
     "out_of_plane_um": Measure(
         out_of_plane_um, {("point", "surface"): Limits(lower=0.0)}, _BESIDE_UM, _tip_sd_um
+    ),
+    "out_of_plane_mm": Measure(
+        out_of_plane_mm, {("segment", "circle"): Limits(lower=0.0)}, _BETWEEN_MM, _tip_sd_mm
+    ),
+    "out_of_plane_deg": Measure(
+        out_of_plane_deg, {("segment", "circle"): Limits(0.0, 90.0)}, _ANGLE_DEG, _out_of_plane_sd_deg
+    ),
+    "theta_space_deg": Measure(
+        theta_space_deg,
+        {("segment", "point"): Limits(0.0, 180.0, requires=("trocar",))},
+        _ANGLE_DEG,
+        _theta_space_sd_deg,
     ),
     "elapsed_s": Measure(elapsed_s, {("point", "phase"): Limits(lower=0.0)}, _PHASE_S),
 }

@@ -9,9 +9,10 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.geometry import Vec, angle_between_deg, norm, subtract
-from haptigraph.messages import Image, RobotSample, Truth
+from haptigraph.messages import DepthImage, Image, RobotSample, Truth
 from haptigraph.sim.eye.camera import Camera
 from haptigraph.sim.eye.cannula import is_in_cannula
+from haptigraph.sim.eye.depth import DepthRenderer, needle_in_space
 from haptigraph.sim.eye.eye import Eye, registration_text
 from haptigraph.sim.eye.optics import image_geometry
 from haptigraph.sim.eye.peeling import Peeling
@@ -38,6 +39,7 @@ class Moment(Struct, frozen=True, eq=False):
     """Phase of the operation, as named by the script."""
     robot: tuple[RobotSample, ...] = ()
     """What the robot has reported since the previous image, on the phantom's time."""
+    depth: DepthImage | None = None
 
 
 class Phantom:
@@ -71,9 +73,15 @@ class Phantom:
         """Number of images in one run; `sys.maxsize` if it has no end."""
         settings = scenario.camera
         size_px = settings.width_px, settings.height_px
-        self.true_registration = registration_text(self.eye, self.geometry, *size_px)
+        self._depth = scenario.depth and DepthRenderer(
+            self.eye, settings, scenario.needle, scenario.depth, self.geometry, seed
+        )
+        self.depth_camera = self._depth.camera if self._depth else None
+        plane = self._depth.plane if self._depth else None
+        self.true_registration = registration_text(self.eye, self.geometry, *size_px, depth=plane)
         """Registration of the true anatomy."""
-        self.registration = registration_text(self.eye, self.geometry, *size_px, scenario.registration_error)
+        error = scenario.registration_error
+        self.registration = registration_text(self.eye, self.geometry, *size_px, error, plane)
         """Registration given to perception, with the scenario's errors."""
         self.restart()
 
@@ -114,6 +122,8 @@ class Phantom:
             draws: Whether to draw the image; otherwise it is one black pixel.
         """
         moment = self._advance(draws)
+        if moment is not None and self._depth and draws:
+            moment = self._with_depth(self._depth, moment)
         if moment is not None and self._readings:
             tip_mm, direction = self._robot.tip_mm(), self._robot.direction()
             moment = replace(moment, robot=self._readings.advance(moment.time_s, tip_mm, direction))
@@ -149,6 +159,16 @@ class Phantom:
         exposure = self._exposure(before)
         image = self.camera.render(truth.tip_mm, direction, number, warp=warp, exposure=exposure)
         return Moment(time_s, image, truth)
+
+    def _with_depth(self, renderer: DepthRenderer, moment: Moment) -> Moment:
+        """Add the depth image, and the shaft in space to the ground truth."""
+        scenario, truth = self.scenario, moment.truth
+        is_away = self.operator.is_away(moment.time_s)
+        shaft = None if is_away else needle_in_space(truth.tip_mm, self.eye, scenario.needle, scenario.camera)
+        depth = renderer.render(shaft, self._next - 1)
+        if shaft is not None:
+            truth = replace(truth, others={**truth.others, "needle_3d": shaft})
+        return replace(moment, depth=depth, truth=truth)
 
     def _exposure(self, before: Pose) -> list[tuple[Vec, Vec]]:
         """Return the needle's tips [mm] and directions while the shutter is open, at its latest speed."""

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.sim.eye.camera import NeedleShape
 from haptigraph.sim.eye.cannula import CannulaShape
+from haptigraph.sim.eye.depth import DepthShape
 from haptigraph.sim.eye.distractors import Distractors
 from haptigraph.sim.eye.eye import EyeShape, RegistrationError
 from haptigraph.sim.eye.forceps import ForcepsShape
@@ -89,6 +90,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     membrane: MembraneShape = MembraneShape()
     tissue: TissueShape | None = None
     """How a retina that is a layer deforms; None: it is rigid."""
+    depth: DepthShape | None = None
+    """The camera's depth images; None: it measures none."""
 
 
 def scenario_names() -> list[str]:

@@ -21,6 +21,7 @@ def capture_of(moment: Moment, index: int, stamp_ns: int, hand: HandState | None
         hand=hand,
         phase=moment.phase,
         robot=moment.robot,
+        depth=moment.depth,
     )
     return moved_in_time(capture, stamp_ns - start_ns)
 
@@ -45,6 +46,7 @@ class PhantomSource(Source):
         self._index = -1
         self.rate_hz = self._phantom.scenario.about.rate_hz
         self.registration, self.robot_setup = self._phantom.registration, self._phantom.robot_setup
+        self.depth_camera = self._phantom.depth_camera
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next image."""

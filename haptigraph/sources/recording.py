@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+import msgspec
 from msgspec.structs import replace
 
 from haptigraph.errors import EndOfSource
 from haptigraph.messages import Capture, Fault
+from haptigraph.projection import DepthCamera
 from haptigraph.recording.reader import RunReader
 from haptigraph.sources.timing import moved_in_time
 from haptigraph.stages import Source
@@ -30,6 +32,8 @@ class RecordingSource(Source):
         self.rate_hz = self._reader.info.rate_hz
         self.registration = self._reader.info.registration
         self.robot_setup = self._reader.info.robot_setup or None
+        camera = self._reader.info.depth_camera
+        self.depth_camera = msgspec.json.decode(camera, type=DepthCamera) if camera else None
         self._records = self._reader.records()
         self._differing_images = 0
         self._first_ns: int | None = None

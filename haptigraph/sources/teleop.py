@@ -46,6 +46,7 @@ class TeleopSource(Source):
         self._start_ns: int | None = None
         self._index = -1
         self.registration, self.robot_setup = self._phantom.registration, self._phantom.robot_setup
+        self.depth_camera = self._phantom.depth_camera
 
     def read(self, timeout_s: float) -> Capture | None:
         """Wait until the next image is due, and return it."""

@@ -26,13 +26,14 @@ class TurnedSource(SourceWrapper):
     def __init__(self, source: Source, turn: Turn) -> None:
         super().__init__(source)
         self._turn = turn
+        self.depth_camera = None
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next capture, turned."""
         capture = self._source.read(timeout_s)
         if capture is None or capture.image is None:
             return capture
-        return replace(capture, image=self._turn(capture.image), encoded=None)
+        return replace(capture, image=self._turn(capture.image), encoded=None, depth=None)
 
 
 def turned(source: Source, kind: str, settings: SourceConfig) -> Source:

@@ -17,6 +17,7 @@ class SourceWrapper(Source):
         self._source = source
         self.rate_hz, self.is_live, self.registration = source.rate_hz, source.is_live, source.registration
         self.notes, self.teleop, self.robot_setup = source.notes, source.teleop, source.robot_setup
+        self.depth_camera = source.depth_camera
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next capture of the wrapped source."""

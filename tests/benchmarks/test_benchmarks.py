@@ -39,6 +39,7 @@ SMALLEST = {
     "interval_coverage": [(("--repeats", "20", "--sizes", "6", "--print-only"), {})],
     "loop": [(("--steps", "20", "--paced", "5"), {"PASSES": 1})],
     "memory": [(("100",), {})],
+    "depth": [(("--scenes", "2"), {})],
     "no_needle": [((), {"OF_A_KIND": 1, "IMAGES": 3})],
     "perception": [((), {"IMAGES": 40, "PASSES": 1})],
     "robot_approaches": [(("--approaches", "1", "--trials", "2"), {})],

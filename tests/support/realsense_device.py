@@ -37,6 +37,54 @@ class SoftwareCamera:
         self.sensor.on_video_frame(frame)
 
 
+class DepthCamera:
+    """A D405 that streams colour of 128 x 96 px and depth of 64 x 48 px from one module."""
+
+    def __init__(self, has_depth=True, baseline_mm=18.0):
+        self.device = rs.software_device()
+        self.device.register_info(rs.camera_info.name, "Intel RealSense D405")
+        self.device.register_info(rs.camera_info.serial_number, SERIAL)
+        self.sensor = self.device.add_sensor("Stereo Module")
+        self.colour = self._stream(rs.stream.color, 1, (128, 96), 100.0, rs.format.bgr8, 3)
+        self.depth = self._stream(rs.stream.depth, 2, (64, 48), 50.0, rs.format.z16, 2) if has_depth else None
+        self.sensor.add_read_only_option(rs.option.depth_units, 0.0001)
+        if baseline_mm is not None:
+            self.sensor.add_read_only_option(rs.option.stereo_baseline, baseline_mm)
+        if has_depth:
+            same = rs.extrinsics()
+            same.rotation, same.translation = [1, 0, 0, 0, 1, 0, 0, 0, 1], [0, 0, 0]
+            self.depth.register_extrinsics_to(self.colour, same)
+            self.colour.register_extrinsics_to(self.depth, same)
+        self.device.create_matcher(rs.matchers.default)
+
+    def _stream(self, kind, uid, size_px, focal_px, fmt, bpp):
+        stream, own = rs.video_stream(), rs.intrinsics()
+        own.width, own.height = stream.width, stream.height = size_px
+        own.fx = own.fy = focal_px
+        own.ppx, own.ppy = (size_px[0] - 1) / 2, (size_px[1] - 1) / 2
+        own.model, own.coeffs = rs.distortion.none, [0] * 5
+        stream.type, stream.uid, stream.fps, stream.bpp, stream.fmt, stream.intrinsics = (
+            kind,
+            uid,
+            30,
+            bpp,
+            fmt,
+            own,
+        )
+        return self.sensor.add_video_stream(stream).as_video_stream_profile()
+
+    def push(self, number, stamp_ms, image, depth):
+        """Deliver an image with its depths like the camera."""
+        for profile, pixels, bpp in ((self.depth, depth, 2), (self.colour, image, 3)):
+            if profile is None:
+                continue
+            frame = rs.software_video_frame()
+            frame.pixels, frame.bpp, frame.stride = pixels, bpp, bpp * pixels.shape[1]
+            frame.timestamp, frame.domain = stamp_ms, rs.timestamp_domain.global_time
+            frame.frame_number, frame.profile, frame.depth_units = number, profile, 0.0001
+            self.sensor.on_video_frame(frame)
+
+
 def record(path: Path, images: Sequence[np.ndarray], stamps_ms: Sequence[float], **options) -> None:
     """Record images to a file with the SDK."""
     height, width = images[0].shape[:2]

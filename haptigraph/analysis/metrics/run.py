@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 from msgspec import Struct, field
 
+from haptigraph.analysis.metrics.in_space import InSpace
 from haptigraph.analysis.metrics.temporal import ClaimResult, Monitor
 from haptigraph.graph import Triplet
 from haptigraph.inference.procedure import Procedure
@@ -52,6 +53,7 @@ class RunMeasures(Struct):
     """Since when the tip is not visible; None if it is, or no needle is detected."""
     just_broken: tuple[str, ...] = ()
     """Temporal claims that the last step broke."""
+    in_space: InSpace = field(default_factory=InSpace)
 
     @classmethod
     def under(cls, procedure: Procedure) -> "RunMeasures":
@@ -98,6 +100,7 @@ class RunMeasures(Struct):
         if self.is_running and state == self.span.ends_in:
             self.ended_ns = step.stamp_ns
         self._count_tipless(step)
+        self.in_space.add(step.observation)
         self.last = step
         if self.monitors:
             self.just_broken = tuple(monitor.claim.name for monitor in self.monitors if monitor.add(step))

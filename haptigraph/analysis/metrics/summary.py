@@ -17,6 +17,7 @@ def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
         report: Report of the loop, if there was one.
     """
     lines = [*_run_lines(measures), *assumed_lines(report.assumed if report else ()), *_tip_lines(measures)]
+    lines += measures.in_space.lines
     if report and report.is_output_off:
         lines.append("haptic output   off: claims are about what was commanded")
     lines += [*claim_lines(measures.claims, measures.first_ns), ""]

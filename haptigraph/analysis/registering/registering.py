@@ -9,6 +9,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from haptigraph.analysis.registering.depth import section_in_depth
 from haptigraph.analysis.registering.overrides import (
     NOT_UPRIGHT,
     Overrides,
@@ -87,6 +88,7 @@ def register_source(
         raise BadInput(f"{NOT_UPRIGHT}; if it is upright, give --trocar", source)
     mm_per_px = overrides.globe_mm / (2 * anatomy.radius_px)
     found = apply_overrides(anatomy, overrides, mm_per_px, source)
+    found = replace(found, depth=section_in_depth(source, anatomy, found) if found.turn == UPRIGHT else None)
     uncertainty = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_uncertainty_px, mm_per_px)}"
     title = f"Registration found by haptigraph in {Path(source).name}; {uncertainty}."
     registration = parse_camera_registration(

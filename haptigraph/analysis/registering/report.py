@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from haptigraph.analysis.registering.depth import depth_line
 from haptigraph.analysis.registering.overrides import Overrides, named_trocars
 from haptigraph.geometry import Vec
 from haptigraph.imaging import UPRIGHT
@@ -74,6 +75,8 @@ def report_lines(
         f"{along_text(registration.target.at_mm, registration.globe.radius_mm)}"
         + (" (assumed: its lowest point)" if TARGET in found.assumed else "")
     )
+    if found.depth is not None:
+        lines.append(depth_line(found.depth, mm))
     lines.append(_background_line(bool(found.background_webp)))
     if found.turn != UPRIGHT:
         lines.append(f"turned     by {found.turn}; a run needs the same settings")

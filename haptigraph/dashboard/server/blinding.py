@@ -39,6 +39,7 @@ def blind_image(header: ImageHeader) -> ImageHeader:
         found={},
         beside=(),
         sd_mm={},
+        in_space="",
         faults=tuple(fault for fault in header.faults if fault.startswith(SHARED_FAULTS)),
     )
 

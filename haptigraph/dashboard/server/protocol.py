@@ -5,6 +5,7 @@ from typing import Annotated, Any, TypeAlias
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 
+from haptigraph.analysis.metrics.in_space import in_space_text
 from haptigraph.geometry import Geometry
 from haptigraph.graph import Names
 from haptigraph.messages import HandState, Step
@@ -160,6 +161,8 @@ class ImageHeader(Struct, frozen=True, tag="image"):
     sd_mm: dict[str, float]
     """Standard deviations of points by name, where estimated."""
     faults: tuple[str, ...]
+    in_space: str
+    """How far the needle is out of the section; empty if no depth shows it."""
     has_picture: bool
     hand: HandState | None
     """Of the hand that steers, at this image."""
@@ -218,6 +221,7 @@ def image_header(step: Step, moving: frozenset[str], view: EyeView, **more: Any)
         found=main,
         beside=tuple(beside),
         sd_mm={} if tip_sd_mm is None else {TIP: tip_sd_mm},
+        in_space=in_space_text(step.observation),
         faults=tuple(f"{fault.where}: {fault.message}" for fault in step.faults),
         **more,
     )

@@ -10,6 +10,7 @@ from msgspec import Meta, Struct
 
 from haptigraph.geometry import Vec, rotate, unit
 from haptigraph.projection import ImageGeometry
+from haptigraph.registration.depth import DepthPlane
 from haptigraph.registration.text import AnatomyPx, TrocarPx
 from haptigraph.registration.text import registration_text as write_text
 
@@ -92,6 +93,7 @@ def registration_text(
     width_px: int,
     height_px: int,
     error: RegistrationError | None = None,
+    depth: DepthPlane | None = None,
 ) -> str:
     """Return the registration of an eye in a camera's images as TOML, offset by an error if one is given."""
     error = error or RegistrationError()
@@ -115,6 +117,7 @@ def registration_text(
                 TrocarPx("second", px(eye.other_trocar_mm, error.trocar_px), used=False),
             ),
             frontal_from_image=image.frontal_from_image,
+            depth=depth,
         ),
         "Registration of a simulated eye.",
     )

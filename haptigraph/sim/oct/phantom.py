@@ -106,7 +106,7 @@ class ScanPhantom:
         """Number of images in one run."""
         self._aim_mm = approach.aim_mm, self._retina.rest_mm(approach.aim_mm)
         self.registration = _registration_text(scenario)
-        self.robot_setup = None
+        self.robot_setup = self.depth_camera = None
         """Registration given to perception: the scale and the depth of the target."""
         self.restart()
 

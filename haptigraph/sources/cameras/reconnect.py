@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from haptigraph.errors import SourceLost
-from haptigraph.messages import CameraStamp, Capture, Image
+from haptigraph.messages import CameraStamp, Capture, DepthImage, Image
 from haptigraph.stages import Source
 
 __all__ = ["RETRY_S", "Camera", "CameraImage", "LiveSource"]
@@ -27,6 +27,7 @@ class CameraImage(NamedTuple):
     """When it was taken, on the run's clock."""
     camera: CameraStamp | None = None
     """The camera's own time stamp."""
+    depth: DepthImage | None = None
 
 
 class Camera(Protocol):
@@ -134,7 +135,9 @@ class LiveSource(Source):
     def _put(self, image: CameraImage) -> None:
         with self._changed:
             self._index += 1
-            self._newest = Capture(self._index, image.stamp_ns, image.image, camera=image.camera)
+            self._newest = Capture(
+                self._index, image.stamp_ns, image.image, camera=image.camera, depth=image.depth
+            )
             self._changed.notify()
 
     def _report(self, message: str) -> None:

@@ -28,6 +28,7 @@ class CropSource(SourceWrapper):
     def __init__(self, source: Source, box: Box, name: str) -> None:
         super().__init__(source)
         self.registration = None  # the source's own is for the whole image
+        self.depth_camera = None
         self._box, self._name = box, name
 
     def read(self, timeout_s: float) -> Capture | None:
@@ -48,4 +49,4 @@ class CropSource(SourceWrapper):
                 self._name,
             )
         part = np.ascontiguousarray(capture.image[top : top + height, left : left + width])
-        return replace(capture, image=part, encoded=None)
+        return replace(capture, image=part, encoded=None, depth=None)

@@ -10,6 +10,7 @@ import { Feed } from "../common/feed.js";
 import { Graph } from "../common/graph.js";
 import { showHint } from "../common/hint.js";
 import { Haptics } from "../common/haptics.js";
+import { InSpace } from "./in_space.js";
 import { addOutputs } from "./outputs.js";
 import { Phases } from "./phases.js";
 import { Banner, StatePanel } from "../common/state_panel.js";
@@ -32,12 +33,13 @@ const panel = new StatePanel();
 const banner = new Banner();
 const haptics = new Haptics(150);
 const controller = new Controller();
+const inSpace = new InSpace();
 const assumed = new Assumed($("view"));
 
 /** The page's state. */
 export const page = new Feed(haptics, {
   hello(hello) {
-    for (const part of [panel, view, controls, phases, assumed, robot]) part.begin(hello);
+    for (const part of [panel, view, controls, phases, assumed, robot, inSpace]) part.begin(hello);
     for (const part of [diagram, graph, traces]) part.begin(hello.procedure);
     const kind = hello.robot ? "robot" : hello.steerable ? "steer" : "watch";
     showHint(kind, HINTS[kind]);
@@ -50,7 +52,7 @@ export const page = new Feed(haptics, {
   robot(status) { robot.update(status); },
   welcome({ name, may_steer, refusal }) { controls.me = name; controls.maySteer = may_steer; robot.refusal = refusal; },
   image(header, picture) {
-    for (const part of [panel, graph, phases]) part.show(header);
+    for (const part of [panel, graph, phases, inSpace]) part.show(header);
     diagram.show(header.state);
     traces.add(header);
     view.show(header, picture);

@@ -29,7 +29,7 @@ interface Hello {
 interface ImageHeader {
   number: number, index: number, time_ms: number, commanded_ms: number, state: string, because: string, feel: string,
   plays: string, forces: string[], evidence: Names[], nodes: string[], edges: Names[], measures: Record<string, number>,
-  found: Record<string, Shape>, beside: Record<string, Shape>[], sd_mm: Record<string, number>, faults: string[], has_picture: boolean, hand: { engaged: boolean } | null,
+  found: Record<string, Shape>, beside: Record<string, Shape>[], sd_mm: Record<string, number>, faults: string[], in_space: string, has_picture: boolean, hand: { engaged: boolean } | null,
 }
 type HapticEdge = [time_ms: number, amplitude: number, frequency_hz: number];
 interface BrokenClaim { claim: string, times: number, worst: number, unit: string }

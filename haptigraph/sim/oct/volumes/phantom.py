@@ -97,7 +97,7 @@ class VolumePhantom:
         rest = self._acquisition.retina.rest_mm(*aim_mm)
         self._aim_mm = np.array([approach.aim_x_mm, float(rest.ilm_mm), approach.aim_z_mm])
         self.registration = _registration_text(scenario)
-        self.robot_setup = None
+        self.robot_setup = self.depth_camera = None
         """Registration given to perception: the scale, the slices and the depth of the target."""
         self.restart()
 

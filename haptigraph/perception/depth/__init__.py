@@ -1,0 +1,1 @@
+"""The shaft in space, from the depth image of a stereo camera."""
