@@ -28,7 +28,11 @@ __all__ = [
 WALL_MM = (0.3, 4.0)
 """Plausible thickness of the globe's wall."""
 STATED_BY = {TARGET: "--target or --target-mm", SCALE: "--diameter-mm", MIRROR: "--[not-]mirrored"}
-RIM_EVIDENCE = {"needle": "the needle's remote centre of motion", "port_openings": "the port openings"}
+RIM_EVIDENCE = {
+    "design": "the design",
+    "needle": "the needle's remote centre of motion",
+    "port_openings": "the port openings",
+}
 
 
 def wall_mm(anatomy: Anatomy, mm_per_px: float) -> float:
@@ -43,8 +47,9 @@ def report_lines(
     registration: Registration,
     overrides: Overrides,
     files: tuple[Path, Path],
+    about_design: Sequence[str] = (),
 ) -> list[str]:
-    """Return the report, line by line."""
+    """Return the report, line by line; `about_design` are the lines that compare it with a rig's design."""
     mm, inner, outer = registration.image.mm_per_px, anatomy.rim.inner, anatomy.rim.outer
     support = inner.support_ratio
     lines = [
@@ -77,7 +82,7 @@ def report_lines(
     lines.append(_background_line(bool(found.background_webp)))
     if found.turn != UPRIGHT:
         lines.append(f"turned     by {found.turn}; a run needs the same settings")
-    lines += _assumed_lines(found.assumed)
+    lines += [*about_design, *_assumed_lines(found.assumed)]
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
 
 

@@ -15,6 +15,7 @@ from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, colored
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.edge import MIN_EDGE_GREY, SMOOTHING_PX, Edge, edge_near, rays_from
+from haptigraph.perception.anatomy.expected import Expected
 from haptigraph.registration.camera import MIN_RADIUS_PX
 
 __all__ = ["TYPICAL_WALL_MIDDLE", "Rim", "find_rim"]
@@ -43,11 +44,12 @@ class Rim(Struct, frozen=True, eq=False):
         return (self.inner.radius_px + self.outer.radius_px) / 2
 
 
-def find_rim(image: Image) -> Rim:
-    """Find the globe's wall.
+def find_rim(image: Image, expected: Expected | None = None) -> Rim:
+    """Find the globe's wall, first where it is expected.
 
     Args:
         image: (h, w, 3) or (h, w), best without needle.
+        expected: The anatomy as designed, if known.
 
     Raises:
         BadInput: If there is no eye, or it is cut off or blurred.
@@ -55,14 +57,46 @@ def find_rim(image: Image) -> Rim:
     bright = _normalized(colored(image))
     _check_sharpness(bright)
     smooth = np.asarray(cv2.GaussianBlur(bright, (0, 0), SMOOTHING_PX), np.float32)
-    candidates = [edge_near(smooth, center, radius) for center, radius in _vote_circles(smooth)]
+    circles = _vote_circles(smooth)
+    rim = _expected_rim(smooth, expected, circles) if expected else None
+    rim = rim or _any_rim(smooth, circles)
+    _check(rim.inner, smooth.shape[1], smooth.shape[0])
+    return rim
+
+
+def _any_rim(smooth: NDArray[np.float32], circles: list[tuple[Vec, float]]) -> Rim:
+    """Return the most complete rim at the circles voted for; raise BadInput if there is no edge."""
+    candidates = [edge_near(smooth, center, radius) for center, radius in circles]
     edges = [edge for edge in candidates if edge is not None]
     if not edges:
         raise BadInput(f"no eye in the picture: found no circle of at least {MIN_RADIUS_PX:.0f} px in radius")
-    rims = [rim for edge in edges[:2] if (rim := _complete(smooth, edge)) is not None]
-    rim = max(rims, key=_support, default=None) or Rim(edges[0], None)
-    _check(rim.inner, smooth.shape[1], smooth.shape[0])
-    return rim
+    rims = [rim for edge in edges[:2] for rim in _rims(smooth, edge)]
+    return max(rims, key=_support, default=None) or Rim(edges[0], None)
+
+
+def _expected_rim(
+    smooth: NDArray[np.float32], expected: Expected, circles: list[tuple[Vec, float]]
+) -> Rim | None:
+    """Return the rim where it is expected, with a wall of the expected thickness; None if there is none."""
+    low_px, high_px = expected.radii_px()
+    high_px *= expected.wall_ratio
+    centers = [center for center, radius in circles if low_px <= radius <= high_px] or [expected.center_px]
+    edges = [
+        edge
+        for center in centers
+        for radius in (expected.radius_px * expected.rim_ratio, *(radius for _, radius in circles))
+        if (edge := edge_near(smooth, center, radius)) is not None
+    ]
+    walls = [
+        rim
+        for edge in edges
+        for rim in _rims(smooth, edge)
+        if expected.is_near(rim.inner.center_px, rim.inner.radius_px)
+        and rim.outer is not None
+        and expected.is_wall(rim.outer.radius_px / rim.inner.radius_px)
+    ]
+    single = [Rim(edge, None) for edge in edges if expected.is_near(edge.center_px, edge.radius_px)]
+    return max(walls, key=_support, default=None) or max(single, key=_support, default=None)
 
 
 def _support(rim: Rim) -> float:
@@ -143,8 +177,8 @@ def _edge_pixels(small: NDArray[np.float32]) -> tuple[Floats, Floats, Floats, Fl
     return x.astype(float), y.astype(float), dx[y, x] / gradient[y, x], dy[y, x] / gradient[y, x]
 
 
-def _complete(image: NDArray[np.float32], edge: Edge) -> Rim | None:
-    """Find the other edge of the wall, inside or outside a given one."""
+def _rims(image: NDArray[np.float32], edge: Edge) -> list[Rim]:
+    """Return the walls that an edge may belong to: with each other edge inside or outside it."""
     pairs = []
     rays = rays_from(
         image, edge.center_px, edge.radius_px / WALL_RATIO[1] - 4, edge.radius_px * WALL_RATIO[1] + 4
@@ -169,7 +203,7 @@ def _complete(image: NDArray[np.float32], edge: Edge) -> Rim | None:
         offset_px = math.dist(inner.center_px, outer.center_px)
         if WALL_RATIO[0] <= outer.radius_px / inner.radius_px and offset_px < 0.03 * inner.radius_px:
             pairs.append(Rim(inner, outer))
-    return max(pairs, key=_support, default=None)
+    return pairs
 
 
 def _check(inner: Edge, width_px: int, height_px: int) -> None:
