@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
-from haptigraph.imaging import Floats, colored
+from haptigraph.imaging import Floats, colored, grey_of
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.edge import MIN_EDGE_GREY, SMOOTHING_PX, Edge, edge_near, rays_from
 from haptigraph.registration.camera import MIN_RADIUS_PX
 
-__all__ = ["TYPICAL_WALL_MIDDLE", "Rim", "find_rim"]
+__all__ = ["MIN_SHARPNESS", "TYPICAL_WALL_MIDDLE", "Rim", "find_rim", "sharpness", "visible_rim"]
 
 VOTING_WIDTH_PX = 400.0
 WALL_RATIO = (1.04, 1.45)  # outer over inner radius
@@ -26,6 +26,8 @@ TYPICAL_WALL_MIDDLE = 1.07
 MAX_GAIN = 8.0
 MIN_BRIGHTEST_GREY = 12.0  # of an image's brightest part
 MAX_BLUR_RATIO = 0.03  # of the radius
+MIN_SHARPNESS = 1.25
+"""Of an image with at least one sharp edge, as `sharpness` measures it."""
 
 
 class Rim(Struct, frozen=True, eq=False):
@@ -44,13 +46,27 @@ class Rim(Struct, frozen=True, eq=False):
 
 
 def find_rim(image: Image) -> Rim:
-    """Find the globe's wall.
+    """Find the globe's wall, and refuse what cannot be registered.
 
     Args:
         image: (h, w, 3) or (h, w), best without needle.
 
     Raises:
         BadInput: If there is no eye, or it is cut off or blurred.
+    """
+    rim = visible_rim(image)
+    _check(rim.inner, image.shape[1], image.shape[0])
+    return rim
+
+
+def visible_rim(image: Image) -> Rim:
+    """Find what is visible of the globe's wall, which may be cut off, small or blurred.
+
+    Args:
+        image: (h, w, 3) or (h, w), best without needle.
+
+    Raises:
+        BadInput: If there is no eye, or nothing is sharp.
     """
     bright = _normalized(colored(image))
     _check_sharpness(bright)
@@ -60,9 +76,13 @@ def find_rim(image: Image) -> Rim:
     if not edges:
         raise BadInput(f"no eye in the picture: found no circle of at least {MIN_RADIUS_PX:.0f} px in radius")
     rims = [rim for edge in edges[:2] if (rim := _complete(smooth, edge)) is not None]
-    rim = max(rims, key=_support, default=None) or Rim(edges[0], None)
-    _check(rim.inner, smooth.shape[1], smooth.shape[0])
-    return rim
+    return max(rims, key=_support, default=None) or Rim(edges[0], None)
+
+
+def sharpness(image: Image) -> float:
+    """Return how much the image's steepest edges flatten when it is smoothed; about 1 if it is blurred."""
+    fine, coarse = _steepest(np.asarray(grey_of(image), np.float32))
+    return fine / max(coarse, 1e-6)
 
 
 def _support(rim: Rim) -> float:
@@ -82,17 +102,22 @@ def _normalized(color: Image) -> NDArray[np.float32]:
 
 
 def _check_sharpness(color: NDArray[np.float32]) -> None:
-    """Refuse an image without any sharp edge.
-
-    The steepest gradients of an image with blur b fall with smoothing s as 1 / sqrt(b^2 + s^2).
-    """
-    grey = cv2.cvtColor(color, cv2.COLOR_BGR2GRAY)
-    smoothed = (cv2.GaussianBlur(grey, (0, 0), sigma) for sigma in (1.5, 6.0))
-    fine, coarse = (float(np.quantile(_gradient(each), 0.998)) for each in smoothed)
+    """Refuse an image without any sharp edge."""
+    fine, coarse = _steepest(np.asarray(cv2.cvtColor(color, cv2.COLOR_BGR2GRAY), np.float32))
     if fine < MIN_EDGE_GREY:
         raise BadInput("no eye in the picture: it has no edges")
-    if fine < 1.25 * coarse:
+    if fine < MIN_SHARPNESS * coarse:
         raise BadInput("the image is blurred: none of its edges is sharp enough to measure; focus the camera")
+
+
+def _steepest(grey: NDArray[np.float32]) -> tuple[float, float]:
+    """Return the steepest gradients of an image, smoothed a little and much.
+
+    Those of an image with blur b fall with smoothing s as 1 / sqrt(b^2 + s^2).
+    """
+    smoothed = (cv2.GaussianBlur(grey, (0, 0), sigma) for sigma in (1.5, 6.0))
+    fine, coarse = (float(np.quantile(_gradient(each), 0.998)) for each in smoothed)
+    return fine, coarse
 
 
 def _gradient(grey: "NDArray[np.float32] | cv2.typing.MatLike") -> Floats:
