@@ -1,4 +1,4 @@
-"""How far a registration is from the design of its rig [px, mm, standard deviations], and the likely cause."""
+"""How far a registration is from its rig's design [px, mm, standard deviations], and the likely cause."""
 
 import math
 

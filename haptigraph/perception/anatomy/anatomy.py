@@ -125,6 +125,7 @@ def find_anatomy(images: Sequence[Image], expected: Expected | None = None) -> A
     def section(rim_px: Vec) -> Vec:
         return foot_x + (rim_px[0] - foot_x) / rim_ratio, foot_y + (rim_px[1] - foot_y) / rim_ratio
 
+    middle_px = rim.inner.radius_px * (1 + expected.wall_ratio) / 2 if expected else rim.middle_px
     contour, measured_points = _contour(rim.inner)
     return Anatomy(
         reference_image=reference,
@@ -134,7 +135,7 @@ def find_anatomy(images: Sequence[Image], expected: Expected | None = None) -> A
         radius_px=rim.inner.radius_px / rim_ratio,
         contour_px=tuple(section(point) for point in contour),
         measured_points=measured_points,
-        trocars=_trocars(port_openings, rcms, section(rim.inner.center_px), rim.middle_px / rim_ratio),
+        trocars=_trocars(port_openings, rcms, section(rim.inner.center_px), middle_px / rim_ratio),
         rim_ratio=rim_ratio,
         rim_uncertainty_px=excess_sd
         * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),

@@ -8,9 +8,9 @@ import msgspec
 
 from haptigraph.errors import BadInput
 from haptigraph.files import write_files
+from haptigraph.findings import Finding
 from haptigraph.robot.check_report import CheckReport
 from haptigraph.robot.checking.judging import Judgement
-from haptigraph.robot.checking.recorded import Finding
 from haptigraph.version import __version__
 
 __all__ = ["FullReport", "full_report", "lines", "write_report"]
