@@ -11,8 +11,9 @@ from haptigraph.perception.anatomy.port_opening import WHITE_GREY
 
 __all__ = ["glare"]
 
-MAX_WHITE_SHARE = 0.03
-"""Of the surroundings of a port opening that is saturated in all colours."""
+MAX_WHITE_SHARE = 0.08
+"""Of the surroundings of a port opening that is saturated in all colours: a spot of 0.5 mm. An instrument in
+the port may have highlights, but smaller ones."""
 REACH_MM, DEPTH_MM = 1.2, 0.3  # around an opening; its middle is so far inside the rim
 INSIDE_RATIO = 0.99  # of the rim's radius: the wall itself may be white
 

@@ -1,7 +1,7 @@
 """Estimate how the eye has moved in the picture since it was registered, with its uncertainty.
 
-With a reference image, details of eye and surroundings are followed from it into the picture; without one, the
-rim is compared with the registered circle, and the port openings with the registered trocars.
+With a reference image, details of eye and surroundings are followed from it into the picture; without one,
+the rim is compared with the registered circle, and the port openings with the registered trocars.
 """
 
 import math
@@ -43,7 +43,7 @@ class Motion(Struct, frozen=True):
 
 
 def by_reference(view: View) -> Motion | None:
-    """Follow details from the reference image into the picture; None if there is none, or too few are found."""
+    """Follow details from the reference image into the picture; None if that cannot be done."""
     background, rim, reference_rim = view.registration.background, view.rim, view.reference_rim
     if background is None or rim is None or reference_rim is None:
         return None
@@ -81,9 +81,8 @@ def _followed(before: "np.ndarray", after: "np.ndarray", known: "np.ndarray") ->
     points = cv2.goodFeaturesToTrack(before, POINTS, QUALITY, SPACING_PX, mask=mask)
     if points is None or len(points) < MIN_POINTS:
         return None
-    options = {"winSize": (25, 25), "maxLevel": 4}
-    found, is_found, _ = cv2.calcOpticalFlowPyrLK(before, after, points, None, **options)
-    back, is_back, _ = cv2.calcOpticalFlowPyrLK(after, before, found, None, **options)
+    found, is_found, _ = cv2.calcOpticalFlowPyrLK(before, after, points, points.copy(), None, None, (25, 25))
+    back, is_back, _ = cv2.calcOpticalFlowPyrLK(after, before, found, points.copy(), None, None, (25, 25))
     is_good = (is_found.ravel() > 0) & (is_back.ravel() > 0)
     is_good &= np.linalg.norm((back - points).reshape(-1, 2), axis=1) < RETURN_PX
     if is_good.sum() < MIN_POINTS:
@@ -92,7 +91,7 @@ def _followed(before: "np.ndarray", after: "np.ndarray", known: "np.ndarray") ->
 
 
 def _similarity(before: Floats, after: Floats) -> tuple[Floats, Floats] | None:
-    """Fit a similarity robustly; return (a, b, x, y) of x' = a x - b y + x0, y' = b x + a y + y0, covariance."""
+    """Fit x' = a x - b y + c, y' = b x + a y + d robustly; return (a, b, c, d) and their covariance."""
     _, is_inlier = cv2.estimateAffinePartial2D(
         before, after, method=cv2.RANSAC, ransacReprojThreshold=INLIER_PX
     )
@@ -109,7 +108,7 @@ def _similarity(before: Floats, after: Floats) -> tuple[Floats, Floats] | None:
 
 
 def by_rim(view: View) -> Motion | None:
-    """Compare the rim with the registered circle, or with the reference image's rim; None if there is no rim."""
+    """Compare the rim with the registered circle, or the reference image's rim; None if there is no rim."""
     if view.rim is None:
         return None
     center, radius = view.center_px, view.radius_px

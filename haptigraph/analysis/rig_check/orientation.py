@@ -66,7 +66,8 @@ def uprightness(view: View) -> Subject:
     findings = tuple(
         Finding(
             "upside_down",
-            f"{sentence}; ports on top are valid: turn the camera, or set source.rotate_deg and register again",
+            f"{sentence}; ports on top are valid: turn the camera, or set source.rotate_deg and register "
+            "again",
         )
         for sentence in evidence[:1]
     )
@@ -111,8 +112,8 @@ def _mirror_evidence(view: View, rig: Rig | None) -> Iterator[str]:
         yield "the mark on the retina is where the registered target would be in a mirrored picture"
     elif _enters_opposite(view):
         yield (
-            "what moves enters the eye at the side opposite to the trocar in use: another trocar is used than "
-            "registered (--trocar), or left and right are exchanged"
+            "what moves enters the eye at the side opposite to the trocar in use, so that left and right are "
+            "exchanged, or another trocar is used than registered (--trocar)"
         )
 
 
@@ -155,7 +156,7 @@ def _correlation(one: FloatImage, other: FloatImage, known: Mask) -> float:
 
 
 def _matches(view: View, ports_deg: tuple[float, ...], sign: int = 0) -> int:
-    """Return how many registered trocars have a port opening, as registered (1), mirrored (-1) or either (0)."""
+    """Return how many trocars have a port opening, as registered (1), mirrored (-1) or either (0)."""
     signs = (1, -1) if sign == 0 else (sign,)
     return max(
         sum(any(abs(each - one * port) < PORT_DEG for port in ports_deg) for each in view.trocars_deg)
@@ -176,7 +177,7 @@ def _is_opposite(found_deg: float, registered_at_deg: float) -> bool:
 
 
 def _misnamed(view: View) -> str:
-    """Return the name of a trocar that says left or right and is on the other side; empty if there is none."""
+    """Return the name of a trocar that says left or right wrongly; empty if there is none."""
     data = anatomy_px(view.registration)
     for trocar in data.trocars:
         side = "right" if (trocar.point_px[0] > data.center_px[0]) != data.mirrored else "left"

@@ -16,7 +16,7 @@ from haptigraph.rig.description import Rig
 __all__ = ["moved", "residuals", "whole_eye"]
 
 MAX_NEARER, MAX_FARTHER = 1.05, 0.95
-"""Apparent size of the eye against the registered one; a rim in front of the section appears up to 3 % larger."""
+"""Apparent size of the eye against the registered one. A rim before the section appears up to 3 % larger."""
 MAX_MOVED_MM, MAX_MOVED_PX = 0.15, 1.5
 """Largest motion of globe and trocars; the larger holds. Contacts are judged at 0.7 mm."""
 SCALE_RANGE = 0.985, 1.035  # of the rim against the registered circle
@@ -44,20 +44,20 @@ def _view_findings(view: View, rig: Rig | None, beyond_px: float, size: float) -
     if beyond_px > 0:
         yield Finding(
             "camera_near",
-            f"the eye extends {beyond_px:.0f} px beyond the picture; all of its wall must be visible: move the "
-            "camera away, or centre the eye",
+            f"the eye extends {beyond_px:.0f} px beyond the picture; all of its wall must be visible: move "
+            "the camera away, or centre the eye",
         )
     elif size > MAX_NEARER:
         yield Finding(
             "camera_near",
-            f"the eye appears {size - 1:.0%} larger than registered; at most {MAX_NEARER - 1:.0%} is valid: move "
-            "the camera back to where it was, or register again",
+            f"the eye appears {size - 1:.0%} larger than registered; at most {MAX_NEARER - 1:.0%} is valid: "
+            "move the camera back to where it was, or register again",
         )
     elif size < MAX_FARTHER:
         yield Finding(
             "camera_far",
-            f"the eye appears {1 - size:.0%} smaller than registered; at most {1 - MAX_FARTHER:.0%} is valid: "
-            "move the camera back to where it was, or register again",
+            f"the eye appears {1 - size:.0%} smaller than registered; at most {1 - MAX_FARTHER:.0%} is "
+            "valid: move the camera back to where it was, or register again",
         )
     if rig is not None and rig.camera.width_px == view.registration.width_px:
         front_mm = _distance_mm(view, rig) - rig.camera.pupil_mm
@@ -91,8 +91,8 @@ def moved(view: View) -> Subject:
     not_judged = ""
     if best.turn_deg is None:
         not_judged = (
-            "its rotation: there is no reference image that resembles the picture, and the port openings are not "
-            "visible where they were registered"
+            "its rotation: there is no reference image that resembles the picture, and the port openings are "
+            "not visible where they were registered"
         )
     return Subject("position", measured, findings, not_judged)
 
@@ -119,13 +119,13 @@ def _moved_findings(view: View, motion: Motion, scale_range: tuple[float, float]
     if not low <= motion.scale <= high:
         yield Finding(
             "moved",
-            f"by {motion.evidence}, the eye appears {motion.scale:.3f} times as large as registered; {low:g} to "
-            f"{high:g} is valid: {remedy}",
+            f"by {motion.evidence}, the eye appears {motion.scale:.3f} times as large as registered; {low:g} "
+            f"to {high:g} is valid: {remedy}",
         )
 
 
 def residuals(view: View) -> Subject:
-    """Judge how well the registered globe and retina fit the rim, wherever that is, and the trocars the ports."""
+    """Judge how well the registered globe, retina and trocars fit, apart from a motion of the whole eye."""
     if view.rim is None:
         return Subject("registration", not_judged="no rim of an eye was found")
     inner, mm = view.rim.inner, 1 / view.px_per_mm

@@ -43,9 +43,9 @@ def scale(view: View, rig: Rig | None) -> Subject:
         findings.append(
             Finding(
                 "scale",
-                f"the registration has {view.px_per_mm:.2f} px/mm, {off_share:+.1%} from the rig's {expected:.2f}; "
-                f"at most {MAX_SD * sd_share:.1%} is valid: measure the eye's inner diameter and the camera's "
-                "distance, correct rig.toml, or register again with --diameter-mm",
+                f"the registration has {view.px_per_mm:.2f} px/mm, {off_share:+.1%} from the rig's "
+                f"{expected:.2f}; at most {MAX_SD * sd_share:.1%} is valid: measure the eye's inner diameter "
+                "and the camera's distance, correct rig.toml, or register again with --diameter-mm",
             )
         )
     return Subject("scale", measured, tuple(findings))
@@ -56,6 +56,7 @@ def _diameter_findings(view: View, rig: Rig, limit_mm: float) -> Iterator[Findin
     if abs(registered_mm - rig.eye.diameter_mm) > limit_mm:
         yield Finding(
             "scale",
-            f"the registration has an eye of {registered_mm:g} mm, the rig one of {rig.eye.diameter_mm:g} mm; at "
-            f"most {limit_mm:.1f} mm apart is valid: register again with --diameter-mm {rig.eye.diameter_mm:g}",
+            f"the registration has an eye of {registered_mm:g} mm, the rig one of "
+            f"{rig.eye.diameter_mm:g} mm; at most {limit_mm:.1f} mm apart is valid: register again with --diameter-mm "
+            f"{rig.eye.diameter_mm:g}",
         )

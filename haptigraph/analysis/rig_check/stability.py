@@ -12,8 +12,8 @@ __all__ = ["stability"]
 
 MAX_JITTER_MM, MAX_JITTER_PX = 0.05, 0.5
 """Largest RMS motion about the mean; the larger holds. An alarm begins 0.7 mm before the retina."""
-POINTS, QUALITY, SPACING_PX = 150, 0.02, 12
-MIN_POINTS = 20
+POINTS, QUALITY, SPACING_PX = 150, 0.005, 8
+MIN_POINTS = 15
 MIN_IMAGES = 5
 
 
@@ -47,7 +47,7 @@ def _motion_px(view: View) -> Floats | None:
         return None
     motion = [np.zeros(2)]
     for image in others:
-        found, is_found, _ = cv2.calcOpticalFlowPyrLK(first, image, points, None)
+        found, is_found, _ = cv2.calcOpticalFlowPyrLK(first, image, points, points.copy())
         moved = (found - points)[is_found.ravel() > 0].reshape(-1, 2)
         if len(moved) < MIN_POINTS:
             return None

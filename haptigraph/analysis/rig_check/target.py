@@ -9,6 +9,7 @@ import math
 import cv2
 import numpy as np
 from msgspec import Struct
+from scipy.ndimage import median_filter
 
 from haptigraph.analysis.rig_check.subject import Subject
 from haptigraph.analysis.rig_check.view import View, angle_from_top_deg
@@ -133,8 +134,7 @@ def _mark(view: View, band_mm: tuple[float, float]) -> Mark | None:
 
 def _contrast(tone: Floats) -> Floats:
     """Return how much a place differs in colour from those on both sides, (n,) grey levels."""
-    half = round(AROUND_DEG / STEP_DEG)
-    around = np.array([np.median(tone[max(at - half, 0) : at + half + 1], axis=0) for at in range(len(tone))])
+    around = median_filter(tone, (2 * round(AROUND_DEG / STEP_DEG) + 1, 1), mode="nearest")
     off = cv2.blur(tone - around, (1, 5))
     contrast: Floats = np.sqrt(np.mean(np.asarray(off, np.float64) ** 2, axis=1))
     return contrast

@@ -58,8 +58,8 @@ def _findings(measured: dict[str, float]) -> Iterator[Finding]:
     if (uneven := measured["uneven_share"]) > MAX_UNEVEN_SHARE:
         yield Finding(
             "uneven_rate",
-            f"intervals between images vary by {uneven:.0%}; at most {MAX_UNEVEN_SHARE:.0%} is valid: fix the "
-            "exposure time, and end what else uses the processor or the port",
+            f"intervals between images vary by {uneven:.0%}; at most {MAX_UNEVEN_SHARE:.0%} is valid: fix "
+            "the exposure time, and end what else uses the processor or the port",
         )
     gap_ms, missing = measured["longest_gap_ms"], measured["missing_share"]
     if gap_ms > MAX_GAP_MS or missing > MAX_MISSING_SHARE:

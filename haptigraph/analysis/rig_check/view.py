@@ -6,12 +6,14 @@ from functools import cached_property
 import cv2
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 
 from haptigraph.analysis.rig_check.clip import Clip
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, Mask, colored, tilt_corrected
 from haptigraph.messages import Image
+from haptigraph.perception.anatomy.edge import Edge
 from haptigraph.perception.anatomy.moving_shaft import median_image
 from haptigraph.perception.anatomy.port_opening import find_port_openings
 from haptigraph.perception.anatomy.rim import Rim, visible_rim
@@ -62,7 +64,7 @@ class View(Struct, frozen=True, dict=True, eq=False):
 
     @property
     def trocars_deg(self) -> tuple[float, ...]:
-        """Registered angles of the trocars in the image, from the top, positive to its right; the used first."""
+        """Registered angles of the trocars in the image, from the top, to its right; the used first."""
         trocars = self.registration.trocar, *self.registration.other_trocars
         points = (self.registration.image.to_px(trocar.at_mm) for trocar in trocars)
         return tuple(angle_from_top_deg(point, self.center_px) for point in points)
@@ -78,7 +80,7 @@ class View(Struct, frozen=True, dict=True, eq=False):
         if self.rim is None:
             return ()
         rotated = np.ascontiguousarray(self.image[::-1, ::-1])
-        return _ports_deg(rotated, rim_of(rotated)[0])
+        return _ports_deg(rotated, Rim(_rotated(self.rim.inner, rotated), None))
 
     @cached_property
     def moving(self) -> Mask | None:
@@ -129,6 +131,17 @@ def polar_samples(image: Image, center_px: Vec, angles_deg: Floats, radii_px: Fl
     x = (center_px[0] + radii_px * np.sin(angles)).astype(np.float32)
     y = (center_px[1] - radii_px * np.cos(angles)).astype(np.float32)
     return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR), np.float64)
+
+
+def _rotated(edge: Edge, image: Image) -> Edge:
+    """Return an edge as it is in the image rotated by 180 degrees."""
+    (x, y), (height, width) = edge.center_px, image.shape[:2]
+    return replace(
+        edge,
+        center_px=(width - 1 - x, height - 1 - y),
+        harmonics_px=edge.harmonics_px * np.array([1, -1, -1, 1, 1]),
+        angles=(edge.angles + math.pi) % (2 * math.pi),
+    )
 
 
 def _ports_deg(image: Image, rim: Rim | None) -> tuple[float, ...]:

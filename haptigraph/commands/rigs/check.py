@@ -48,8 +48,8 @@ def rig_check(
 ) -> None:
     """Watch SOURCE for some seconds and check the rig: focus, light, position, scale, stability, frame rate.
 
-    Nothing may move but a needle, which best enters and turns. Every finding has a number, its limit, and what
-    to do. The exit code is 0 if all passed, and 1 if something was found or could not be judged.
+    Nothing may move but a needle, which best enters and turns. Every finding has a number, its limit, and
+    what to do. The exit code is 0 if all passed, and 1 if something was found or could not be judged.
     """
     from haptigraph.analysis.rig_check.clip import watch
     from haptigraph.analysis.rig_check.judging import judge

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from datetime import UTC, datetime
+
 from haptigraph.findings import Finding
 from haptigraph.robot.check_report import CheckReport
 from haptigraph.robot.checking.judging import Judgement
