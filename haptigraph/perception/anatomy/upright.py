@@ -5,13 +5,14 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from haptigraph.imaging import Mask
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy
 from haptigraph.perception.anatomy.illumination import equalize_illumination
 from haptigraph.perception.anatomy.moving_shaft import ILLUMINATION_RATIO, moving_mask
 from haptigraph.perception.anatomy.rim import Rim
 
-__all__ = ["MAX_SHARE_ABOVE", "enters_elsewhere", "share_above"]
+__all__ = ["MAX_SHARE_ABOVE", "enters_elsewhere", "moving_outside", "share_above"]
 
 RING_RATIOS = 1.1, 1.4  # of the wall's outer radius: what moves there enters or leaves the eye
 ABOVE_RATIO = 0.2  # of the radius above the centre, as for trocars
@@ -27,12 +28,12 @@ def enters_elsewhere(images: Sequence[Image], anatomy: Anatomy) -> bool:
         images: Images of one clip, at different times.
         anatomy: What was found in them.
     """
-    above = share_above(images, anatomy.reference_image, anatomy.rim)
-    return above is not None and above < MAX_SHARE_ABOVE
+    moves = moving_outside(images, anatomy.reference_image, anatomy.rim)
+    return moves is not None and share_above(moves, anatomy.rim) < MAX_SHARE_ABOVE
 
 
-def share_above(images: Sequence[Image], reference: Image, rim: Rim) -> float | None:
-    """Return the share of what moves outside the eye that is above it; None if hardly anything moves.
+def moving_outside(images: Sequence[Image], reference: Image, rim: Rim) -> Mask | None:
+    """Return where something moves just outside the eye, (h, w); None if hardly anything does.
 
     Args:
         images: Images of one clip, at different times.
@@ -47,6 +48,11 @@ def share_above(images: Sequence[Image], reference: Image, rim: Rim) -> float | 
     near, far = (ratio * outer.radius_px for ratio in RING_RATIOS)
     moves &= (near < distance) & (distance < far)
     area = cv2.countNonZero(moves.astype(np.uint8))
-    if area < MIN_AREA_RATIO * inner.radius_px**2:
-        return None
-    return int(moves[: max(0, round(inner.center_px[1] - ABOVE_RATIO * inner.radius_px))].sum()) / area
+    return moves if area >= MIN_AREA_RATIO * inner.radius_px**2 else None
+
+
+def share_above(moves: Mask, rim: Rim) -> float:
+    """Return the share of a mask, which is not empty, that is above the eye."""
+    inner = rim.inner
+    above = moves[: max(0, round(inner.center_px[1] - ABOVE_RATIO * inner.radius_px))]
+    return float(above.sum() / moves.sum())
