@@ -19,6 +19,7 @@ from haptigraph.commands.publishing.recording import export_recording
 from haptigraph.commands.publishing.video import video
 from haptigraph.commands.recordings import recover, replay
 from haptigraph.commands.rigs.check import rig_check
+from haptigraph.commands.rigs.predict import rig_predict
 from haptigraph.commands.rigs.rig import rig
 from haptigraph.commands.robots.calibrate import calibrate, sync_check
 from haptigraph.commands.robots.check import robot_check
@@ -118,5 +119,6 @@ for command in (
 for command in (study_run, study_report, measure, export, video, erase, simulate, sweep):
     study.add_command(command)
 rig.add_command(rig_check)
+rig.add_command(rig_predict)
 for command in (calibrate, robot_check, robot_steer):
     robot.add_command(command)

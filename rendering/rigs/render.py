@@ -1,6 +1,6 @@
-"""Take pictures of a rig, as designed and as built: `python -m rendering.rigs.render RIG.TOML MESHES OUT BUILDS`.
+"""Take pictures of a rig: `python -m rendering.rigs.render RIG.TOML MESHES OUT BUILDS`.
 
-In the environment with Blender. Existing pictures are kept.
+One as designed, and BUILDS as built. In the environment with Blender. Existing pictures are kept.
 """
 
 import sys
@@ -16,7 +16,12 @@ __all__ = ["main"]
 
 def main() -> None:
     """Render the missing pictures: the rig as designed (0), and as built."""
-    rig_file, meshes, folder, count = Path(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3]), int(sys.argv[4])
+    rig_file, meshes, folder, count = (
+        Path(sys.argv[1]),
+        Path(sys.argv[2]),
+        Path(sys.argv[3]),
+        int(sys.argv[4]),
+    )
     if not any(meshes.glob("*.stl")):
         print(f"rendering: {meshes}: no STL files; make rig RIG={rig_file} writes them", file=sys.stderr)
         raise SystemExit(2)

@@ -1,7 +1,7 @@
 """Set up a rig in Blender from the meshes of its CAD, and take its picture.
 
-Blender's world frame is the eye frame [mm]. The camera looks into the mirror; nothing is unfolded, so that the
-picture tests the geometry of `haptigraph.rig.view`.
+Blender's world frame is the eye frame [mm]. The camera looks into the mirror; nothing is unfolded, so
+that the picture tests the geometry of `haptigraph.rig.view`.
 """
 
 import math

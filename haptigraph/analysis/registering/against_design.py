@@ -127,7 +127,9 @@ def _roll(design: Design, anatomy: Anatomy) -> Deviation | None:
     """Compare the ports' angles; None if no port was found."""
     ports_deg = design.expected.ports_deg
     offs = [
-        min((trocar.angle_deg - port_deg for port_deg in ports_deg), key=abs) for trocar in anatomy.trocars
+        min((trocar.angle_deg - port_deg for port_deg in ports_deg), key=abs)
+        for trocar in anatomy.trocars
+        if not trocar.is_designed
     ]
     if not offs:
         return None

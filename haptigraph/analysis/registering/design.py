@@ -13,8 +13,9 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats
 from haptigraph.messages import Image
-from haptigraph.perception.anatomy.anatomy import Anatomy
+from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.anatomy.expected import Expected
+from haptigraph.perception.anatomy.port_opening import MIN_SEPARATION_DEG
 from haptigraph.rig.description import load_rig
 from haptigraph.rig.prediction import Prediction, predict
 
@@ -88,10 +89,23 @@ class Design(Struct, frozen=True, eq=False):
             raise BadInput(f"the rig's images are {seen} ({self.file}); leave --[not-]mirrored out")
         return replace(overrides, diameter_mm=rig.eye.diameter_mm, mirrored=rig.mirrored)
 
+    def completed(self, anatomy: Anatomy) -> Anatomy:
+        """Return the anatomy with the ports that no picture shows, turned with the eye."""
+        roll_deg, _ = self.roll(anatomy)
+        ratio = 1 + self.prediction.rig.eye.wall_mm / self.prediction.rig.eye.diameter_mm
+        unseen = tuple(
+            FoundTrocar(_point_at(anatomy, ratio, angle_deg), angle_deg, None, is_designed=True)
+            for angle_deg in (port_deg + roll_deg for port_deg in self.expected.ports_deg)
+            if all(abs(found.angle_deg - angle_deg) > MIN_SEPARATION_DEG for found in anatomy.trocars)
+        )
+        return replace(anatomy, trocars=(*anatomy.trocars, *unseen))
+
     def placed(self, overrides: Overrides, anatomy: Anatomy) -> Overrides:
         """Return the overrides with target and trocar in use, unless the user or a needle says otherwise.
 
-        Both turn with the eye in the image. A port that no picture shows has its designed position.
+        Args:
+            overrides: What the user stated.
+            anatomy: What was found, `completed`.
         """
         eye, mirrored = self.prediction.rig.eye, self.prediction.rig.mirrored
         roll_deg, _ = self.roll(anatomy)
@@ -101,12 +115,9 @@ class Design(Struct, frozen=True, eq=False):
         if overrides.trocar is not None or any(trocar.rcm for trocar in anatomy.trocars):
             return overrides
         used_deg = self.expected.ports_deg[0] + roll_deg
-        near_deg = math.degrees(TROCAR_SD_PX / anatomy.radius_px) + self.expected.ports_sd_deg
-        for name, trocar in named_trocars(anatomy, mirrored):
-            if abs(trocar.angle_deg - used_deg) < 4 * near_deg:
-                return replace(overrides, trocar=name)
-        x, y = anatomy.image_px(_point_at(anatomy, 1 + eye.wall_mm / eye.diameter_mm, used_deg))
-        return replace(overrides, trocar=f"{x:.3f},{y:.3f}")
+        named = named_trocars(anatomy, mirrored)
+        name, _ = min(named, key=lambda each: abs(each[1].angle_deg - used_deg))
+        return replace(overrides, trocar=name)
 
     def roll(self, anatomy: Anatomy) -> tuple[float, float]:
         """Return how far the eye appears turned [deg] and its standard deviation: by tolerances and ports."""
@@ -117,7 +128,7 @@ class Design(Struct, frozen=True, eq=False):
         offs = [
             min((trocar.angle_deg - port_deg for port_deg in expected.ports_deg), key=abs)
             for trocar in anatomy.trocars
-            if expected.is_port(trocar.angle_deg)
+            if expected.is_port(trocar.angle_deg) and not trocar.is_designed
         ]
         weight = 1 / prior_sd**2 + len(offs) / port_sd**2
         return sum(offs) / port_sd**2 / weight, math.sqrt(1 / weight)

@@ -92,7 +92,9 @@ def register_source(
         design.check_images(images[0], overrides, source)
     anatomy = plausible_anatomy(images, overrides.globe_mm, source, design.expected if design else None)
     has_target = overrides.target is None and overrides.target_mm is None
-    overrides = design.placed(overrides, anatomy) if design else overrides
+    if design:
+        anatomy = design.completed(anatomy)
+        overrides = design.placed(overrides, anatomy)
     overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
     if overrides.trocar is None and enters_elsewhere(images, anatomy):
         raise BadInput(f"{NOT_UPRIGHT}; if it is upright, give --trocar", source)

@@ -144,8 +144,10 @@ def _assumed_lines(assumed: Sequence[str]) -> list[str]:
     return lines
 
 
-def trocar_evidence(rcm: Rcm | None, mm_per_px: float) -> str:
+def trocar_evidence(rcm: Rcm | None, mm_per_px: float, *, is_designed: bool = False) -> str:
     """Describe what a trocar was found by."""
+    if is_designed:
+        return "the design: no picture shows it"
     if rcm is None:
         return "its port opening"
     return f"{rcm.lines} shaft lines, residual {in_px_and_mm(rcm.residual_px, mm_per_px)}"
@@ -158,7 +160,8 @@ def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, written: TrocarPx, regis
     x, y = trocar.point_px
     return (
         f"trocar     {written.name}{used}: ({x:.1f}, {y:.1f}) px, {outside_mm:.2f} mm outside the inner "
-        f"edge, from {trocar_evidence(trocar.rcm, mm)}"
+        f"edge, from "
+        f"{trocar_evidence(trocar.rcm, mm, is_designed=trocar.is_designed)}"
     )
 
 

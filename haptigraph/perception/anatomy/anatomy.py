@@ -55,6 +55,8 @@ class FoundTrocar(Struct, frozen=True):
     """From the top, positive to the image's right."""
     rcm: Rcm | None
     """RCM of an instrument that moved in it; None if only the port opening was detected."""
+    is_designed: bool = False
+    """Whether it was not found at all, and has its designed position."""
 
 
 class Anatomy(Struct, frozen=True, eq=False):

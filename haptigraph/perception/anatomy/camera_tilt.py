@@ -22,6 +22,7 @@ MIN_DEVIATION_PX = 0.5  # from concentric circles; less may be irregularity of a
 CLOSENESS_PRIOR = (0.15, 0.1)  # mean and standard deviation of globe radius / camera distance
 MAX_CLOSENESS = 0.5
 EDGE_SD_PX = 1.0  # of one ray; the errors of neighbours are correlated
+REPEATED_RAYS = 30  # so many neighbours share one error: a prior of the design counts against fewer rays
 MAX_ITERATIONS = 40
 
 
@@ -33,8 +34,10 @@ class _Prior(Struct, frozen=True):
 
     @classmethod
     def of(cls, expected: Expected) -> "_Prior":
-        """Return what the design tells."""
-        return cls((expected.closeness, expected.closeness_sd), math.radians(expected.tilt_sd_deg))
+        """Return what the design tells, on the scale of rays that repeat their neighbours' errors."""
+        share = 1 / math.sqrt(REPEATED_RAYS)
+        closeness = expected.closeness, expected.closeness_sd * share
+        return cls(closeness, math.radians(expected.tilt_sd_deg) * share)
 
 
 def find_camera_tilt(rim: Rim, principal_px: Vec, expected: Expected | None = None) -> CameraTilt | None:
