@@ -2,9 +2,9 @@
 
     python benchmarks/rig_registration.py build/rig-pictures
 
-Picture 0 of a rig is as designed: every point must lie within 1.5 px of the prediction. The others are drawn from
-the tolerances: their differences from the prediction must be distributed as its standard deviations say. The
-exit code is 1 if a picture is refused, an exact one is off by more, or a drawn one by more than 4 sd.
+Picture 0 of a rig is as designed: every point must lie within 1.5 px of the prediction. The others are drawn
+from the tolerances: their differences from the prediction must be distributed as its standard deviations say.
+The exit code is 1 if a picture is refused, an exact one is off by more, or a drawn one by more than 4 sd.
 """
 
 import math
