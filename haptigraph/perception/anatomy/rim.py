@@ -4,6 +4,7 @@ The sign of an edge's contrast may vary along it.
 """
 
 import math
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
@@ -92,24 +93,27 @@ def _any_rim(smooth: NDArray[np.float32], circles: list[tuple[Vec, float]]) -> R
 def _expected_rim(
     smooth: NDArray[np.float32], expected: Expected, circles: list[tuple[Vec, float]]
 ) -> Rim | None:
-    """Return the rim where it is expected, with a wall of the expected thickness; None if there is none."""
+    """Return the most complete rim where it is expected; None if there is none.
+
+    With both edges at the expected ratio it may have another size; one edge alone could be either.
+    """
     near = [(center, radius) for center, radius in circles if expected.is_near(center, radius)]
     radius_px = expected.radius_px * expected.rim_ratio
     centers = [center for center, _ in circles if expected.is_near(center, radius_px)]
     starts = [*near, *((center, radius_px) for center in [*centers, expected.center_px])]
     edges = [edge for start in starts if (edge := edge_near(smooth, *start)) is not None]
-    rims = [
-        Rim(edge, _expected_outer(smooth, edge, expected))
-        for edge in edges
-        if expected.is_near(edge.center_px, edge.radius_px)
-    ]
+    rims = [Rim(edge, None) for edge in edges if expected.is_near(edge.center_px, edge.radius_px)]
+    rims += [rim for edge in edges for rim in _expected_walls(smooth, edge, expected)]
     return max(rims, key=_support, default=None)
 
 
-def _expected_outer(smooth: NDArray[np.float32], inner: Edge, expected: Expected) -> Edge | None:
-    """Return the wall's outer edge if the wall has the expected thickness."""
-    outer = edge_near(smooth, inner.center_px, inner.radius_px * expected.wall_ratio, 0.02)
-    return outer if outer and expected.is_wall(outer.radius_px / inner.radius_px) else None
+def _expected_walls(smooth: NDArray[np.float32], edge: Edge, expected: Expected) -> Iterator[Rim]:
+    """Yield walls of the expected thickness that have an edge inside or outside."""
+    for ratio in (expected.wall_ratio, 1 / expected.wall_ratio):
+        other = edge_near(smooth, edge.center_px, edge.radius_px * ratio, 0.02)
+        inner, outer = (edge, other) if ratio > 1 else (other, edge)
+        if inner and outer and expected.is_wall(outer.radius_px / inner.radius_px):
+            yield Rim(inner, outer)
 
 
 def sharpness(image: Image) -> float:
