@@ -1,6 +1,6 @@
 """Register ray-traced pictures of rigs, and compare with the design: `make rig-registration`.
 
-    python benchmarks/rig_registration.py build/rig-pictures
+    PYTHONPATH=. python benchmarks/rig_registration.py build/rig-pictures
 
 Picture 0 of a rig is as designed: every point must lie within 1.5 px of the prediction. The others are drawn
 from the tolerances: their differences from the prediction must be distributed as its standard deviations say.
