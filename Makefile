@@ -12,9 +12,11 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 INSTALL = UV_SYSTEM_CERTS=1 $(BIN)/python -m uv pip install --python $(BIN)/python --requirement $(1) || \
 	$(BIN)/python -m pip install --disable-pip-version-check --requirement $(1)
 export PYTHONDONTWRITEBYTECODE =  # programs start faster from compiled modules, and most packages are never imported
+RIGS ?= $(basename $(notdir $(wildcard rig/*.toml)))
+BUILDS ?= 2
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop test-exports wheels lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render rig-registration interop test-exports wheels lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -194,6 +196,12 @@ render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into b
 	@for scene in $(SCENES); do \
 		.venv-rendering/bin/python -m rendering.render $$scene && $(BIN)/python -m rendering.pack $$scene || exit 1; \
 	done
+
+rig-registration: setup .venv-rendering/ready  ## ray-traced pictures of the meshes of `make rig`, as designed and BUILDS as built, registered; 10 min each
+	@for rig in $(RIGS); do \
+		.venv-rendering/bin/python -m rendering.rigs.render rig/$$rig.toml build/rig/$$rig/meshes build/rig-pictures/$$rig $(BUILDS) || exit 1; \
+	done
+	PYTHONPATH=. $(BIN)/python benchmarks/rig_registration.py build/rig-pictures
 
 faults: setup  ## 1,930 random faults against the real program, 55 minutes a call; goes on where it stopped (build/faults.jsonl)
 	mkdir -p build && PYTHONPATH=.:tests/support:tests/support/boards:tests/support/force:tests/dashboard:tests/faults:tests/faults/devices:tests/faults/force $(BIN)/python tests/faults/campaign.py --results build/faults.jsonl

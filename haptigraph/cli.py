@@ -18,6 +18,9 @@ from haptigraph.commands.publishing.export import export
 from haptigraph.commands.publishing.recording import export_recording
 from haptigraph.commands.publishing.video import video
 from haptigraph.commands.recordings import recover, replay
+from haptigraph.commands.rigs.check import rig_check
+from haptigraph.commands.rigs.predict import rig_predict
+from haptigraph.commands.rigs.rig import rig
 from haptigraph.commands.robots.calibrate import calibrate, sync_check
 from haptigraph.commands.robots.check import robot_check
 from haptigraph.commands.robots.robot import robot
@@ -71,7 +74,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
     cls=Commands,
     tasks={
         "Try it": ("live", "demo"),
-        "Your own video or camera": ("sources", "register", "run"),
+        "Your own video or camera": ("sources", "register", "rig", "run"),
         "Recordings": ("replay", "explain", "figure", "export", "sync-check", "recover"),
         "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices", "touch"),
         "Robots": ("robot",),
@@ -95,6 +98,7 @@ for command in (
     replay,
     evaluate,
     register,
+    rig,
     check,
     procedure,
     explain,
@@ -114,5 +118,7 @@ for command in (
     main.add_command(command)
 for command in (study_run, study_report, measure, export, video, erase, simulate, sweep):
     study.add_command(command)
+rig.add_command(rig_check)
+rig.add_command(rig_predict)
 for command in (calibrate, robot_check, robot_steer):
     robot.add_command(command)

@@ -15,7 +15,7 @@ from rendering.layout import DISTANCE_MM, HEIGHT_PX, WIDTH_PX, Layout
 from rendering.path import Pose
 from rendering.scene import Light
 
-__all__ = ["Stage"]
+__all__ = ["Stage", "silence"]
 
 SAMPLES = 8
 LIGHT_MM, LIGHT_W = 150.0, 60_000.0
@@ -66,7 +66,7 @@ class Stage:
             settings.border_min_y, settings.border_max_y = 1 - bottom / HEIGHT_PX, 1 - top / HEIGHT_PX
         part = file.with_name("part.png")
         settings.filepath = str(part)
-        with _silence():
+        with silence():
             bpy.ops.render.render(write_still=True)
         part.replace(file)
 
@@ -121,7 +121,7 @@ def _set_up_cycles(filter_px: float, exposure_stops: float) -> None:
 
 
 @contextmanager
-def _silence() -> Iterator[None]:
+def silence() -> Iterator[None]:
     """Suppress Blender's line per tile, which bypasses Python's stdout."""
     stdout, null = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)

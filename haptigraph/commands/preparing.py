@@ -26,6 +26,7 @@ __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
         "haptigraph register clip.mp4 -o eye.toml --target 602,641",
         "haptigraph register eye.png -o eye.toml --trocar right --target-mm 1.5 --diameter-mm 23.5",
         "haptigraph register clip.mp4 -o eye.toml --set source.rotate_deg=180",
+        "haptigraph register --rig rig/d405.toml clip.mp4 -o eye.toml",
         "haptigraph register --volumes scans/needle -o needle.npz --voxel-mm 0.0058,0.079,0.051",
     )
 )
@@ -46,6 +47,9 @@ __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
     "--mirrored/--not-mirrored", default=None, help="Whether a mirror flips the images; assumed: it does."
 )
 @click.option("--diameter-mm", type=float, help="Inner diameter of the globe; assumed: 24.")
+@click.option(
+    "--rig", metavar="RIG.TOML", help="Design of the set-up: where to search, scale, mirror, target."
+)
 @click.option("--picture", metavar="FILE", help="PNG to draw; default: beside the registration.")
 @click.option("--images", default=40, show_default=True, help="Number of images of SOURCE to use.")
 @click.option("--force", is_flag=True, help="Overwrite existing files.")
@@ -55,6 +59,7 @@ def register(
     output: str,
     volumes: str | None,
     voxel_mm: tuple[float, float, float] | None,
+    rig: str | None,
     picture: str | None,
     force: bool,
     settings: tuple[str, ...],
@@ -66,6 +71,8 @@ def register(
     The eye must be upright, trocars on top: else --set source.rotate_deg=90, 180 or 270, clockwise.
     For B-scans (oct:PATH) the command checks scale and crop instead, which you set with
     --set source.axial_mm_per_px=..., source.lateral_mm_per_px=... and source.crop_px=[LEFT,TOP,WIDTH,HEIGHT].
+    With --rig the design of a printed set-up says where to search and states scale, mirror and target; the
+    report says how far the registration is from the design, and warns beyond 3 standard deviations.
     With --volumes it learns the model of an instrument that is alone in its volumes, without labels.
     """
     from haptigraph.analysis.registering.oct import is_bscan_source, register_scans
@@ -74,13 +81,15 @@ def register(
     from haptigraph.config import load_config
 
     if volumes is not None:
-        _check_volume_options(source, picture, settings, overrides)
+        _check_volume_options(source, rig, picture, settings, overrides)
         _learn_instrument(volumes, output, voxel_mm, force=force)
         return
     if source is None or voxel_mm is not None:
         problem = "register takes either SOURCE or --volumes FOLDER"
         raise BadInput(problem if source is None else "--voxel-mm goes with --volumes FOLDER")
     if is_bscan_source(source):
+        if rig is not None:
+            raise BadInput("--rig is for an eye before a camera; B-scans have no rig")
         click.echo(
             register_scans(source, output, settings, picture, force=force, max_images=overrides["images"])
         )
@@ -91,15 +100,19 @@ def register(
         raise BadInput(problem)
     given = Overrides(**overrides, turn=turn)
     with progress_bar() as progress:
-        click.echo(register_source(source, output, given, picture, force=force, progress=progress))
+        click.echo(register_source(source, output, given, picture, rig=rig, force=force, progress=progress))
 
 
 def _check_volume_options(
-    source: str | None, picture: str | None, settings: tuple[str, ...], overrides: dict[str, Any]
+    source: str | None,
+    rig: str | None,
+    picture: str | None,
+    settings: tuple[str, ...],
+    overrides: dict[str, Any],
 ) -> None:
     """Refuse options that have no meaning for volumes."""
     of_images = [value for name, value in overrides.items() if name != "images"]
-    if any(value is not None for value in (source, picture, *settings, *of_images)):
+    if any(value is not None for value in (source, rig, picture, *settings, *of_images)):
         raise BadInput("--volumes goes with -o, --voxel-mm and --force only")
 
 

@@ -4,7 +4,9 @@ The CAD in the top-level folder rig/ builds from it; here it predicts what the c
 
 Frame: the eye frame [mm]: x right, y up, z towards the camera; the section is z = 0. The camera faces the
 section along z, its path folded once by each flat mirror. Unfolded, the camera is at (0, 0, path) and looks
-along -z; each mirror exchanges left and right of the image.
+along -z; each mirror exchanges left and right of the image. The top of the image is the eye's top: the camera
+is mounted with its top towards where the mirror reflects it, so with turns = "down" it lies on its back below
+the mirror, its top towards the eye; with "up" away from the eye; with "left" and "right" it stands upright.
 """
 
 import math
@@ -87,6 +89,7 @@ class Mirror(Struct, frozen=True, forbid_unknown_fields=True):
     """Width, and length along its slope."""
     thickness_mm: Positive = 3.0
     angle_deg: Annotated[float, Meta(ge=30, le=60)] = 45.0
+    """Between mirror and section."""
     turns: Literal["up", "down", "left", "right"] = "down"
     """Where the path goes on behind the mirror, in the eye frame's x and y."""
 
@@ -109,6 +112,8 @@ class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
     """Of a printed surface."""
     focal_percent: Annotated[float, Meta(gt=0, le=50)] = 1.5
     """Of the camera's focal length against its data sheet."""
+    principal_percent: Annotated[float, Meta(gt=0, le=20)] = 0.8
+    """Of the principal point from the image's centre, per axis, of the image's width."""
 
 
 class Rig(Struct, frozen=True, forbid_unknown_fields=True):

@@ -46,6 +46,7 @@ SMALLEST = {
     "robot_place": [((), {"RUNS": 3})],
     "robot_loop": [(("--seconds", "1"), {"SETTLE_S": 0.1, "CHROMIUM": None})],
     "registration": [(("1", "3"), {})],
+    "rig_registration": [((str(ROOT / "tests/data/rig_pictures"),), {})],
     "soak": [(("0.0006",), {"FILE_S": 2})],
     "sweep": [(("--participants", "2", "--block", "1"), {})],
     "touch": [(("1",), {})],

@@ -10,6 +10,8 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from haptigraph.analysis.registering.depth import section_in_depth
+from haptigraph.analysis.registering.against_design import design_lines
+from haptigraph.analysis.registering.design import load_design
 from haptigraph.analysis.registering.overrides import (
     NOT_UPRIGHT,
     Overrides,
@@ -27,6 +29,7 @@ from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy, find_anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
+from haptigraph.perception.anatomy.expected import Expected
 from haptigraph.perception.anatomy.upright import enters_elsewhere
 from haptigraph.recording.codec import decode
 from haptigraph.recording.reader import RunReader
@@ -58,6 +61,7 @@ def register_source(
     overrides: Overrides,
     picture: str | Path | None = None,
     *,
+    rig: str | None = None,
     force: bool = False,
     progress: Progress | None = None,
 ) -> str:
@@ -68,6 +72,7 @@ def register_source(
         output: The TOML file to write.
         overrides: Target, trocar, scale.
         picture: The PNG file to write; beside the TOML file if None.
+        rig: The rig.toml of the set-up, as a prior of what is found; None: not known.
         force: Whether to overwrite existing files.
         progress: Called with the progress of reading.
 
@@ -79,10 +84,18 @@ def register_source(
     """
     files = Path(output), Path(picture) if picture else Path(output).with_suffix(".png")
     check_overrides(overrides)
+    design = load_design(rig) if rig else None
+    overrides = design.stated(overrides) if design else overrides
     check_files(files, source, force=force)
     with closing(all_images(source, overrides.turn)) as available:
         images = spread_images(available, source, overrides.images, progress)
-    anatomy = plausible_anatomy(images, overrides.globe_mm, source)
+    if design:
+        design.check_images(images[0], overrides, source)
+    anatomy = plausible_anatomy(images, overrides.globe_mm, source, design.expected if design else None)
+    has_target = overrides.target is None and overrides.target_mm is None
+    if design:
+        anatomy = design.completed(anatomy)
+        overrides = design.placed(overrides, anatomy)
     overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
     if overrides.trocar is None and enters_elsewhere(images, anatomy):
         raise BadInput(f"{NOT_UPRIGHT}; if it is upright, give --trocar", source)
@@ -98,17 +111,20 @@ def register_source(
     found = replace(found, background_webp=background.webp if background else b"")
     png = registration_picture(anatomy.reference_image, registration, found, uncertainty, anatomy)
     write_files(files, (registration_text(found, title).encode(), png))
-    return "\n".join(report_lines(anatomy, found, registration, overrides, files))
+    about_design = design_lines(design, anatomy, found, has_target=has_target) if design else []
+    return "\n".join(report_lines(anatomy, found, registration, overrides, files, about_design))
 
 
-def plausible_anatomy(images: Sequence[Image], diameter_mm: float, source: str) -> Anatomy:
-    """Find the anatomy, and refuse what is not a plausible eye.
+def plausible_anatomy(
+    images: Sequence[Image], diameter_mm: float, source: str, expected: Expected | None = None
+) -> Anatomy:
+    """Find the anatomy, where it is expected if its design is known; refuse what is not a plausible eye.
 
     Raises:
         BadInput: If something cannot be found or is implausible; it names the source.
     """
     try:
-        anatomy = find_anatomy(images)
+        anatomy = find_anatomy(images, expected)
     except BadInput as error:
         raise BadInput(error.problem, source) from None
     _check_plausible(anatomy, diameter_mm / (2 * anatomy.radius_px), source)

@@ -29,7 +29,11 @@ __all__ = [
 WALL_MM = (0.3, 4.0)
 """Plausible thickness of the globe's wall."""
 STATED_BY = {TARGET: "--target or --target-mm", SCALE: "--diameter-mm", MIRROR: "--[not-]mirrored"}
-RIM_EVIDENCE = {"needle": "the needle's remote centre of motion", "port_openings": "the port openings"}
+RIM_EVIDENCE = {
+    "design": "the design",
+    "needle": "the needle's remote centre of motion",
+    "port_openings": "the port openings",
+}
 
 
 def wall_mm(anatomy: Anatomy, mm_per_px: float) -> float:
@@ -44,8 +48,9 @@ def report_lines(
     registration: Registration,
     overrides: Overrides,
     files: tuple[Path, Path],
+    about_design: Sequence[str] = (),
 ) -> list[str]:
-    """Return the report, line by line."""
+    """Return the report, line by line; `about_design` are the lines that compare it with a rig's design."""
     mm, inner, outer = registration.image.mm_per_px, anatomy.rim.inner, anatomy.rim.outer
     support = inner.support_ratio
     lines = [
@@ -80,7 +85,7 @@ def report_lines(
     lines.append(_background_line(bool(found.background_webp)))
     if found.turn != UPRIGHT:
         lines.append(f"turned     by {found.turn}; a run needs the same settings")
-    lines += _assumed_lines(found.assumed)
+    lines += [*about_design, *_assumed_lines(found.assumed)]
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
 
 
@@ -142,8 +147,10 @@ def _assumed_lines(assumed: Sequence[str]) -> list[str]:
     return lines
 
 
-def trocar_evidence(rcm: Rcm | None, mm_per_px: float) -> str:
+def trocar_evidence(rcm: Rcm | None, mm_per_px: float, *, is_designed: bool = False) -> str:
     """Describe what a trocar was found by."""
+    if is_designed:
+        return "the design: no picture shows it"
     if rcm is None:
         return "its port opening"
     return f"{rcm.lines} shaft lines, residual {in_px_and_mm(rcm.residual_px, mm_per_px)}"
@@ -156,7 +163,8 @@ def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, written: TrocarPx, regis
     x, y = trocar.point_px
     return (
         f"trocar     {written.name}{used}: ({x:.1f}, {y:.1f}) px, {outside_mm:.2f} mm outside the inner "
-        f"edge, from {trocar_evidence(trocar.rcm, mm)}"
+        f"edge, from "
+        f"{trocar_evidence(trocar.rcm, mm, is_designed=trocar.is_designed)}"
     )
 
 

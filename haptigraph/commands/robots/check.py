@@ -52,10 +52,11 @@ def robot_check(
     without a passed check haptigraph does not steer a robot.
     """
     from haptigraph.clock import MonotonicClock
+    from haptigraph.findings import write_report
     from haptigraph.robot.check_report import report_path
     from haptigraph.robot.checking.judging import judge
     from haptigraph.robot.checking.listening import listener
-    from haptigraph.robot.checking.report import full_report, lines, write_report
+    from haptigraph.robot.checking.report import full_report, lines
     from haptigraph.robot.setup import load_setup
 
     loaded = load_setup(setup) if setup is not None else None

@@ -18,6 +18,7 @@ from haptigraph.imaging import tilt_corrected
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.camera_tilt import find_camera_tilt
 from haptigraph.perception.anatomy.edge import Edge
+from haptigraph.perception.anatomy.expected import Expected
 from haptigraph.perception.anatomy.moving_shaft import find_rcms, median_image
 from haptigraph.perception.anatomy.port_opening import (
     MAX_OPENINGS,
@@ -54,6 +55,8 @@ class FoundTrocar(Struct, frozen=True):
     """From the top, positive to the image's right."""
     rcm: Rcm | None
     """RCM of an instrument that moved in it; None if only the port opening was detected."""
+    is_designed: bool = False
+    """Whether it was not found at all, and has its designed position."""
 
 
 class Anatomy(Struct, frozen=True, eq=False):
@@ -78,7 +81,7 @@ class Anatomy(Struct, frozen=True, eq=False):
     rim_uncertainty_px: float
     """Standard deviation of globe and retina due to that of `rim_ratio`, at the worst point."""
     rim_evidence: tuple[str, ...]
-    """What `rim_ratio` was estimated from: "needle", "port_openings" or nothing."""
+    """What `rim_ratio` was estimated from: "design", "needle", "port_openings" or nothing."""
 
     def image_px(self, frontal_px: Vec) -> Vec:
         """Map a point from the frontal view to the image as stored."""
@@ -89,35 +92,42 @@ class Anatomy(Struct, frozen=True, eq=False):
         return self.tilt.frontal_from_image(point_px) if self.tilt else point_px
 
 
-def find_anatomy(images: Sequence[Image]) -> Anatomy:
+def find_anatomy(images: Sequence[Image], expected: Expected | None = None) -> Anatomy:
     """Find globe, retina and trocars.
 
     Args:
         images: At least one, all of one size, from a camera at rest; best with a moving needle.
+        expected: Where the design of the set-up has them: they are first searched there.
 
     Raises:
         BadInput: If there is no eye, or it is cut off or blurred.
     """
     reference = frontal = median_image(images)
     principal_px = (reference.shape[1] - 1) / 2, (reference.shape[0] - 1) / 2
-    rim = find_rim(reference)
-    tilt = find_camera_tilt(rim, principal_px)
+    rim = find_rim(reference, expected)
+    tilt = find_camera_tilt(rim, principal_px, expected)
     if tilt is not None:
         homography = tilt.frontal_from_image
         frontal = tilt_corrected(reference, homography)
         images = [tilt_corrected(image, homography) for image in images]
-        rim = find_rim(frontal)
+        rim = find_rim(frontal, expected)
     foot_x, foot_y = tilt.foot_px if tilt else principal_px
     rough = find_rcms(images, frontal, rim) if len(images) > 1 else ()
     rcms = [rcm.combined_with(tracked_rcm(images, rim, rcm.point_px)) for rcm in rough]
-    _check_edge_is_inner(rim, rcms, frontal)
+    is_expected = expected and expected.is_near(rim.inner.center_px, rim.inner.radius_px)
+    if not is_expected:  # its radius tells the inner edge from the outer one
+        _check_edge_is_inner(rim, rcms, frontal)
     port_openings = find_port_openings(frontal, rim.inner)
-    excess, excess_sd, rim_evidence = _rim_excess(rim, rcms, port_openings, tilt, (foot_x, foot_y))
+    if expected:
+        port_openings = [each for each in port_openings if expected.is_port(each.angle_deg)] or port_openings
+    foot_px = foot_x, foot_y
+    excess, excess_sd, rim_evidence = _rim_excess(rim, rcms, port_openings, tilt, foot_px, expected)
     rim_ratio = 1 + excess
 
     def section(rim_px: Vec) -> Vec:
         return foot_x + (rim_px[0] - foot_x) / rim_ratio, foot_y + (rim_px[1] - foot_y) / rim_ratio
 
+    middle_px = rim.inner.radius_px * (1 + expected.wall_ratio) / 2 if expected else rim.middle_px
     contour, measured_points = _contour(rim.inner)
     return Anatomy(
         reference_image=reference,
@@ -127,7 +137,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
         radius_px=rim.inner.radius_px / rim_ratio,
         contour_px=tuple(section(point) for point in contour),
         measured_points=measured_points,
-        trocars=_trocars(port_openings, rcms, section(rim.inner.center_px), rim.middle_px / rim_ratio),
+        trocars=_trocars(port_openings, rcms, section(rim.inner.center_px), middle_px / rim_ratio),
         rim_ratio=rim_ratio,
         rim_uncertainty_px=excess_sd
         * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
@@ -163,7 +173,12 @@ def _white_share(rim: Rim, frontal: Image) -> float:
 
 
 def _rim_excess(
-    rim: Rim, rcms: Sequence[Rcm], port_openings: Sequence[PortOpening], tilt: CameraTilt | None, foot_px: Vec
+    rim: Rim,
+    rcms: Sequence[Rcm],
+    port_openings: Sequence[PortOpening],
+    tilt: CameraTilt | None,
+    foot_px: Vec,
+    expected: Expected | None,
 ) -> tuple[float, float, tuple[str, ...]]:
     """Estimate how much larger than the section the rim appears: (share, its standard deviation, evidence).
 
@@ -172,8 +187,9 @@ def _rim_excess(
     """
     center, radius_px = rim.inner.center_px, rim.inner.radius_px
     prior_sd = min(RIM_EXCESS_SD, RIM_HEIGHT_RATIO * radius_px / tilt.focal_px) if tilt else RIM_EXCESS_SD
-    estimates: list[tuple[float, float]] = [(0.0, prior_sd)]
-    evidence: list[str] = []
+    prior, prior_sd = (expected.rim_ratio - 1, expected.rim_ratio_sd) if expected else (0.0, prior_sd)
+    estimates: list[tuple[float, float]] = [(prior, prior_sd)]
+    evidence = ["design"] if expected else []
 
     def estimate(point: Vec, circle_px: float, sd_px: float) -> tuple[float, float]:
         outwards, lever = unit(subtract(point, center)), subtract(point, foot_px)
@@ -183,7 +199,7 @@ def _rim_excess(
     for rcm in rcms if rim.outer is not None else ():
         sd_px = math.hypot(rcm.radial_sd_px, RCM_OFFSET_RATIO * radius_px)
         estimates.append(estimate(rcm.point_px, rim.middle_px, sd_px))
-        evidence += ["needle"] if estimates[-1][1] < prior_sd and not evidence else []
+        evidence += ["needle"] if estimates[-1][1] < prior_sd and "needle" not in evidence else []
     by_opening = [
         estimate(_point_at(center, radius_px - each.inside_px, each.angle_deg), radius_px, OPENING_SD_PX)
         for each in port_openings
@@ -202,7 +218,8 @@ def _rim_excess(
     evidence += ["port_openings"] if consistent else []
     weights = [1 / sd**2 for _, sd in estimates]
     excess = sum(weight * share for weight, (share, _) in zip(weights, estimates, strict=True)) / sum(weights)
-    return min(max(excess, 0.0), 3 * prior_sd), 1 / math.sqrt(sum(weights)), tuple(evidence)
+    low = max(prior - 3 * prior_sd, 0.0)
+    return min(max(excess, low), prior + 3 * prior_sd), 1 / math.sqrt(sum(weights)), tuple(evidence)
 
 
 def _excess_through(point_px: Vec, radius_px: float, center_px: Vec, foot_px: Vec) -> float:

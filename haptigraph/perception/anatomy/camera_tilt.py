@@ -7,10 +7,12 @@ offset of their centres determine the angle and the distance of a pinhole camera
 import math
 
 import numpy as np
+from msgspec import Struct
 
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats
 from haptigraph.perception.anatomy.edge import Edge
+from haptigraph.perception.anatomy.expected import Expected
 from haptigraph.perception.anatomy.rim import Rim
 from haptigraph.registration.tilt import CameraTilt
 
@@ -20,15 +22,31 @@ MIN_DEVIATION_PX = 0.5  # from concentric circles; less may be irregularity of a
 CLOSENESS_PRIOR = (0.15, 0.1)  # mean and standard deviation of globe radius / camera distance
 MAX_CLOSENESS = 0.5
 EDGE_SD_PX = 1.0  # of one ray; the errors of neighbours are correlated
+REPEATED_RAYS = 30  # so many neighbours share one error: a prior of the design counts against fewer rays
 MAX_ITERATIONS = 40
 
 
-def find_camera_tilt(rim: Rim, principal_px: Vec) -> CameraTilt | None:
+class _Prior(Struct, frozen=True):
+    """What is known of a camera before its image."""
+
+    closeness: tuple[float, float] = CLOSENESS_PRIOR
+    tilt_sd_rad: float = math.inf
+
+    @classmethod
+    def of(cls, expected: Expected) -> "_Prior":
+        """Return what the design tells, on the scale of rays that repeat their neighbours' errors."""
+        share = 1 / math.sqrt(REPEATED_RAYS)
+        closeness = expected.closeness, expected.closeness_sd * share
+        return cls(closeness, math.radians(expected.tilt_sd_deg) * share)
+
+
+def find_camera_tilt(rim: Rim, principal_px: Vec, expected: Expected | None = None) -> CameraTilt | None:
     """Fit the camera's tilt to the rim.
 
     Args:
         rim: Both edges of the wall.
         principal_px: The principal point, assumed at the image centre.
+        expected: The anatomy as designed, if known.
 
     Returns:
         None if no tilt is measurable, or the outer edge of the wall was not detected.
@@ -40,7 +58,8 @@ def find_camera_tilt(rim: Rim, principal_px: Vec) -> CameraTilt | None:
     if max(inner.out_of_round_px, outer.out_of_round_px, offset_px) < MIN_DEVIATION_PX:
         return None
     points = _edge_points(inner), _edge_points(outer)
-    fits = [_fit(start, points, principal_px) for start in _initial_guesses(inner, outer)]
+    prior = _Prior.of(expected) if expected else _Prior()
+    fits = [_fit(start, points, principal_px, prior) for start in _initial_guesses(inner, outer)]
     _, best = min(fits, key=lambda fit: fit[0])
     x, y, radius, right, down, closeness, _ = (float(value) for value in best)
     return CameraTilt((x, y), (right, down), radius / closeness, principal_px)
@@ -75,15 +94,18 @@ def _initial_guesses(inner: Edge, outer: Edge) -> list[Floats]:
     ]
 
 
-def _fit(start: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> tuple[float, Floats]:
+def _fit(
+    start: Floats, points: tuple[Floats, Floats], principal_px: Vec, prior: _Prior
+) -> tuple[float, Floats]:
     """Minimise the sum of squares with damped Gauss-Newton steps; return it and the parameters."""
     values, damping = start, 1e-3
-    residuals = _residuals(values, points, principal_px)
+    residuals = _residuals(values, points, principal_px, prior)
     steps = np.array([0.01, 0.01, 0.01, 1e-4, 1e-4, 1e-3, 1e-4])
 
     def slope(step: Floats) -> Floats:
-        after = _residuals(values + step, points, principal_px)
-        return np.asarray((after - _residuals(values - step, points, principal_px)) / (2 * step.sum()))
+        after = _residuals(values + step, points, principal_px, prior)
+        before = _residuals(values - step, points, principal_px, prior)
+        return np.asarray((after - before) / (2 * step.sum()))
 
     for _ in range(MAX_ITERATIONS):
         jacobian = np.stack([slope(step) for step in np.diag(steps)], axis=1)
@@ -91,7 +113,7 @@ def _fit(start: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> tup
         change = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -jacobian.T @ residuals)
         candidate = values + change
         candidate[5] = min(max(candidate[5], 1e-4), MAX_CLOSENESS)
-        new_residuals = _residuals(candidate, points, principal_px)
+        new_residuals = _residuals(candidate, points, principal_px, prior)
         if new_residuals @ new_residuals < residuals @ residuals:
             values, residuals, damping = candidate, new_residuals, damping / 5
         else:
@@ -101,13 +123,13 @@ def _fit(start: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> tup
     return float(residuals @ residuals), values
 
 
-def _residuals(values: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> Floats:
+def _residuals(values: Floats, points: tuple[Floats, Floats], principal_px: Vec, prior: _Prior) -> Floats:
     """Return the distances of the points from their circles in the frontal view [standard deviations]."""
     x, y, radius, right, down, closeness, wall = values
     tilt = CameraTilt((x, y), (right, down), radius / closeness, principal_px)
     matrix = tilt.frontal_from_image.matrix
-    prior_mean, prior_sd = CLOSENESS_PRIOR
-    parts = [np.array([(closeness - prior_mean) / prior_sd])]
+    mean, sd = prior.closeness
+    parts = [np.array([(closeness - mean) / sd, right / prior.tilt_sd_rad, down / prior.tilt_sd_rad])]
     for edge_points, circle in zip(points, (radius, wall * radius), strict=True):
         frontal = edge_points @ matrix[:, :2].T + matrix[:, 2]
         offset = frontal[:, :2] / frontal[:, 2:] - (x, y)

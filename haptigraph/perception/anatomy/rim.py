@@ -4,6 +4,7 @@ The sign of an edge's contrast may vary along it.
 """
 
 import math
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
@@ -12,12 +13,13 @@ from numpy.typing import NDArray
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
-from haptigraph.imaging import Floats, colored
+from haptigraph.imaging import Floats, colored, grey_of
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.edge import MIN_EDGE_GREY, SMOOTHING_PX, Edge, edge_near, rays_from
+from haptigraph.perception.anatomy.expected import Expected
 from haptigraph.registration.camera import MIN_RADIUS_PX
 
-__all__ = ["TYPICAL_WALL_MIDDLE", "Rim", "find_rim"]
+__all__ = ["MIN_SHARPNESS", "TYPICAL_WALL_MIDDLE", "Rim", "find_rim", "sharpness", "visible_rim"]
 
 VOTING_WIDTH_PX = 400.0
 WALL_RATIO = (1.04, 1.45)  # outer over inner radius
@@ -26,6 +28,8 @@ TYPICAL_WALL_MIDDLE = 1.07
 MAX_GAIN = 8.0
 MIN_BRIGHTEST_GREY = 12.0  # of an image's brightest part
 MAX_BLUR_RATIO = 0.03  # of the radius
+MIN_SHARPNESS = 1.25
+"""Of an image with at least one sharp edge, as `sharpness` measures it."""
 
 
 class Rim(Struct, frozen=True, eq=False):
@@ -43,26 +47,79 @@ class Rim(Struct, frozen=True, eq=False):
         return (self.inner.radius_px + self.outer.radius_px) / 2
 
 
-def find_rim(image: Image) -> Rim:
-    """Find the globe's wall.
+def find_rim(image: Image, expected: Expected | None = None) -> Rim:
+    """Find the globe's wall, first where it is expected; refuse what cannot be registered.
 
     Args:
         image: (h, w, 3) or (h, w), best without needle.
+        expected: The anatomy as designed, if known.
 
     Raises:
         BadInput: If there is no eye, or it is cut off or blurred.
     """
+    rim = visible_rim(image, expected)
+    _check(rim.inner, image.shape[1], image.shape[0])
+    return rim
+
+
+def visible_rim(image: Image, expected: Expected | None = None) -> Rim:
+    """Find what is visible of the globe's wall, which may be cut off, small or blurred.
+
+    Args:
+        image: (h, w, 3) or (h, w), best without needle.
+        expected: The anatomy as designed, if known; it is first searched there.
+
+    Raises:
+        BadInput: If there is no eye, or nothing is sharp.
+    """
     bright = _normalized(colored(image))
     _check_sharpness(bright)
     smooth = np.asarray(cv2.GaussianBlur(bright, (0, 0), SMOOTHING_PX), np.float32)
-    candidates = [edge_near(smooth, center, radius) for center, radius in _vote_circles(smooth)]
+    circles = _vote_circles(smooth)
+    rim = _expected_rim(smooth, expected, circles) if expected else None
+    return rim or _any_rim(smooth, circles)
+
+
+def _any_rim(smooth: NDArray[np.float32], circles: list[tuple[Vec, float]]) -> Rim:
+    """Return the most complete rim at the circles voted for; raise BadInput if there is no edge."""
+    candidates = [edge_near(smooth, center, radius) for center, radius in circles]
     edges = [edge for edge in candidates if edge is not None]
     if not edges:
         raise BadInput(f"no eye in the picture: found no circle of at least {MIN_RADIUS_PX:.0f} px in radius")
     rims = [rim for edge in edges[:2] if (rim := _complete(smooth, edge)) is not None]
-    rim = max(rims, key=_support, default=None) or Rim(edges[0], None)
-    _check(rim.inner, smooth.shape[1], smooth.shape[0])
-    return rim
+    return max(rims, key=_support, default=None) or Rim(edges[0], None)
+
+
+def _expected_rim(
+    smooth: NDArray[np.float32], expected: Expected, circles: list[tuple[Vec, float]]
+) -> Rim | None:
+    """Return the most complete rim where it is expected; None if there is none.
+
+    With both edges at the expected ratio it may have another size; one edge alone could be either.
+    """
+    near = [(center, radius) for center, radius in circles if expected.is_near(center, radius)]
+    radius_px = expected.radius_px * expected.rim_ratio
+    centers = [center for center, _ in circles if expected.is_near(center, radius_px)]
+    starts = [*near, *((center, radius_px) for center in [*centers, expected.center_px])]
+    edges = [edge for start in starts if (edge := edge_near(smooth, *start)) is not None]
+    rims = [Rim(edge, None) for edge in edges if expected.is_near(edge.center_px, edge.radius_px)]
+    rims += [rim for edge in edges for rim in _expected_walls(smooth, edge, expected)]
+    return max(rims, key=_support, default=None)
+
+
+def _expected_walls(smooth: NDArray[np.float32], edge: Edge, expected: Expected) -> Iterator[Rim]:
+    """Yield walls of the expected thickness that have an edge inside or outside."""
+    for ratio in (expected.wall_ratio, 1 / expected.wall_ratio):
+        other = edge_near(smooth, edge.center_px, edge.radius_px * ratio, 0.02)
+        inner, outer = (edge, other) if ratio > 1 else (other, edge)
+        if inner and outer and expected.is_wall(outer.radius_px / inner.radius_px):
+            yield Rim(inner, outer)
+
+
+def sharpness(image: Image) -> float:
+    """Return how much the image's steepest edges flatten when it is smoothed; about 1 if it is blurred."""
+    fine, coarse = _steepest(np.asarray(grey_of(image), np.float32))
+    return fine / max(coarse, 1e-6)
 
 
 def _support(rim: Rim) -> float:
@@ -82,17 +139,22 @@ def _normalized(color: Image) -> NDArray[np.float32]:
 
 
 def _check_sharpness(color: NDArray[np.float32]) -> None:
-    """Refuse an image without any sharp edge.
-
-    The steepest gradients of an image with blur b fall with smoothing s as 1 / sqrt(b^2 + s^2).
-    """
-    grey = cv2.cvtColor(color, cv2.COLOR_BGR2GRAY)
-    smoothed = (cv2.GaussianBlur(grey, (0, 0), sigma) for sigma in (1.5, 6.0))
-    fine, coarse = (float(np.quantile(_gradient(each), 0.998)) for each in smoothed)
+    """Refuse an image without any sharp edge."""
+    fine, coarse = _steepest(np.asarray(cv2.cvtColor(color, cv2.COLOR_BGR2GRAY), np.float32))
     if fine < MIN_EDGE_GREY:
         raise BadInput("no eye in the picture: it has no edges")
-    if fine < 1.25 * coarse:
+    if fine < MIN_SHARPNESS * coarse:
         raise BadInput("the image is blurred: none of its edges is sharp enough to measure; focus the camera")
+
+
+def _steepest(grey: NDArray[np.float32]) -> tuple[float, float]:
+    """Return the steepest gradients of an image, smoothed a little and much.
+
+    Those of an image with blur b fall with smoothing s as 1 / sqrt(b^2 + s^2).
+    """
+    smoothed = (cv2.GaussianBlur(grey, (0, 0), sigma) for sigma in (1.5, 6.0))
+    fine, coarse = (float(np.quantile(_gradient(each), 0.998)) for each in smoothed)
+    return fine, coarse
 
 
 def _gradient(grey: "NDArray[np.float32] | cv2.typing.MatLike") -> Floats:

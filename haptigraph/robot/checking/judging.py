@@ -4,10 +4,11 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
+from haptigraph.findings import Finding
 from haptigraph.robot.checking.kinematics import kinematic_findings, kinematic_measurements
 from haptigraph.robot.checking.messages import message_findings
 from haptigraph.robot.checking.place import place_findings, place_measurements
-from haptigraph.robot.checking.recorded import Finding, Recorded
+from haptigraph.robot.checking.recorded import Recorded
 from haptigraph.robot.checking.states import Enabling, enabling_findings, state_findings
 from haptigraph.robot.checking.timing import MIN_POSES, timing_findings, timing_measurements
 from haptigraph.robot.setup import MotionLimits, RobotSetup

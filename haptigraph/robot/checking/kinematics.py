@@ -5,8 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from haptigraph.findings import Finding
 from haptigraph.robot.checking.messages import MAX_SPEED_M_S
-from haptigraph.robot.checking.recorded import Finding, Recorded
+from haptigraph.robot.checking.recorded import Recorded
 from haptigraph.robot.checking.timing import stamps_are_usable
 from haptigraph.robot.checking.velocities import WINDOW_S, turned_rad, velocity_findings
 from haptigraph.robot.pose import Floats, at_times

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from cyclonedds.idl import IdlStruct
 
 from haptigraph.errors import BadInput, unknown_name
-from haptigraph.robot.checking.recorded import Finding, Recorded
+from haptigraph.findings import Finding
+from haptigraph.robot.checking.recorded import Recorded
 from haptigraph.robot.checking.states import ENABLE_S, Enabling
 from haptigraph.robot.ros.crtk import namespace_of
 from haptigraph.robot.ros.servo import STATES as SERVO_STATES

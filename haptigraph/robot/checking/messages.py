@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from haptigraph.robot.checking.recorded import Finding, Recorded, Series
+from haptigraph.findings import Finding
+from haptigraph.robot.checking.recorded import Recorded, Series
 from haptigraph.robot.ros.poses import MAX_REACH_MM
 
 __all__ = ["MAX_SPEED_M_S", "message_findings"]

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from haptigraph.robot.checking.recorded import Finding, Recorded
+from haptigraph.findings import Finding
+from haptigraph.robot.checking.recorded import Recorded
 from haptigraph.robot.pose import Floats
 from haptigraph.robot.setup import RobotSetup
 

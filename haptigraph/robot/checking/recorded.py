@@ -1,27 +1,18 @@
-"""What a robot's topics said while they were recorded, in their own units, and a finding about it."""
+"""What a robot's topics said while they were recorded, in their own units."""
 
 from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
-from msgspec import Struct
 
 from haptigraph.robot.pose import Floats
 from haptigraph.ros2.geometry_types import JointState, Quaternion, Vector3
 from haptigraph.ros2.motion_types import OperatingState, PoseStamped, TwistStamped, WrenchStamped
 from haptigraph.ros2.types import Header, Point
 
-__all__ = ["Finding", "Recorded", "Samples", "Series", "StateSample"]
+__all__ = ["Recorded", "Samples", "Series", "StateSample"]
 
 EMPTY = np.zeros((0, 0))
-
-
-class Finding(Struct, frozen=True):
-    """One problem of an interface."""
-
-    name: str
-    sentence: str
-    """What was found, and what would be valid."""
 
 
 class StateSample(NamedTuple):

@@ -2,18 +2,13 @@
 
 from collections.abc import Iterator
 from datetime import UTC, datetime
-from pathlib import Path
 
-import msgspec
-
-from haptigraph.errors import BadInput
-from haptigraph.files import write_files
+from haptigraph.findings import Finding
 from haptigraph.robot.check_report import CheckReport
 from haptigraph.robot.checking.judging import Judgement
-from haptigraph.robot.checking.recorded import Finding
 from haptigraph.version import __version__
 
-__all__ = ["FullReport", "full_report", "lines", "write_report"]
+__all__ = ["FullReport", "full_report", "lines"]
 
 
 class FullReport(CheckReport, frozen=True):
@@ -48,16 +43,3 @@ def lines(report: FullReport) -> Iterator[str]:
         yield f"not exercised: {sentence}"
     outcome = "passed" if report.passed else f"did not pass: {len(report.findings)} findings"
     yield f"{report.uri} {outcome}"
-
-
-def write_report(report: FullReport, path: Path) -> None:
-    """Write the report atomically, in place of an older one.
-
-    Raises:
-        BadInput: If it cannot be written.
-    """
-    content = msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n"
-    try:
-        write_files((path,), (content,))
-    except OSError as error:
-        raise BadInput(f"cannot be written ({error.strerror})", path) from None

@@ -5,7 +5,8 @@ from itertools import pairwise
 
 from msgspec import Struct
 
-from haptigraph.robot.checking.recorded import Finding, Recorded
+from haptigraph.findings import Finding
+from haptigraph.robot.checking.recorded import Recorded
 from haptigraph.robot.ros.crtk import STATES
 
 __all__ = ["ENABLE_S", "Enabling", "enabling_findings", "state_findings"]

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from haptigraph.robot.checking.recorded import Finding, Recorded
+from haptigraph.findings import Finding
+from haptigraph.robot.checking.recorded import Recorded
 from haptigraph.robot.ros.stamps import MAX_AGE_NS
 
 __all__ = ["MIN_POSES", "stamps_are_usable", "timing_findings", "timing_measurements"]

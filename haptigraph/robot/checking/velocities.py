@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from haptigraph.robot.checking.recorded import Finding, Recorded
+from haptigraph.findings import Finding
+from haptigraph.robot.checking.recorded import Recorded
 from haptigraph.robot.checking.timing import stamps_are_usable
 from haptigraph.robot.pose import Floats, at_times
 

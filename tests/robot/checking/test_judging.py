@@ -8,8 +8,8 @@ from crtk_messages import SABOTAGES, sabotaged, sound
 from crtk_recording import SETUP, recorded
 from msgspec.structs import replace
 
+from haptigraph.findings import Finding
 from haptigraph.robot.checking.judging import judge
-from haptigraph.robot.checking.recorded import Finding
 from haptigraph.robot.checking.states import Enabling
 
 SEEDS = (1001, 1002, 1003)

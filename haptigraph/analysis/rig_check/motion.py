@@ -1,0 +1,142 @@
+"""Estimate how the eye has moved in the picture since it was registered, with its uncertainty.
+
+With a reference image, details of eye and surroundings are followed from it into the picture; without one,
+the rim is compared with the registered circle, and the port openings with the registered trocars.
+"""
+
+import math
+
+import cv2
+import numpy as np
+from msgspec import Struct
+
+from haptigraph.analysis.rig_check.view import View
+from haptigraph.imaging import Floats, grey_of
+
+__all__ = ["PORT_MATCH_DEG", "Motion", "by_reference", "by_rim", "turned_ports_deg"]
+
+POINTS, QUALITY, SPACING_PX = 400, 0.01, 8
+MIN_POINTS = 25
+MIN_INLIER_SHARE = 0.35
+INLIER_PX = 1.5
+RETURN_PX = 0.7  # between a point and where it comes back to
+CORRELATED_POINTS = 4.0  # neighbouring details have errors in common
+PORT_MATCH_DEG = 8.0
+RIM_SD_PX = 0.3
+PORT_SD_DEG = 1.2
+"""Standard deviation of the angle of a port opening."""
+
+
+class Motion(Struct, frozen=True):
+    """The motion of the eye in the picture since its registration."""
+
+    shift_px: float
+    """Of the globe's centre."""
+    shift_sd_px: float
+    scale: float
+    """How much larger the eye appears."""
+    turn_deg: float | None
+    """Clockwise rotation; None: not observable."""
+    turn_sd_deg: float = math.inf
+    evidence: str = ""
+    """What it was estimated from."""
+
+
+def by_reference(view: View) -> Motion | None:
+    """Follow details from the reference image into the picture; None if that cannot be done."""
+    background, rim, reference_rim = view.registration.background, view.rim, view.reference_rim
+    if background is None or rim is None or reference_rim is None:
+        return None
+    scale = rim.inner.radius_px / reference_rim.inner.radius_px
+    (rx, ry), (fx, fy) = reference_rim.inner.center_px, rim.inner.center_px
+    start = np.array([[scale, 0, fx - scale * rx], [0, scale, fy - scale * ry]])
+    height, width = view.image.shape[:2]
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    aligned = cv2.warpAffine(view.image, start, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    pairs = _followed(grey_of(background.image), grey_of(np.asarray(aligned, np.uint8)), background.is_known)
+    if pairs is None:
+        return None
+    before, after = pairs
+    fitted = _similarity(before, after @ start[:, :2].T + start[:, 2])
+    if fitted is None:
+        return None
+    (a, b, x, y), covariance = fitted
+    center_x, center_y = view.center_px
+    shift = a * center_x - b * center_y + x - center_x, b * center_x + a * center_y + y - center_y
+    at_center = np.array([[center_x, -center_y, 1, 0], [center_y, center_x, 0, 1]])
+    shift_sd = math.sqrt(float(np.trace(at_center @ covariance @ at_center.T)))
+    return Motion(
+        math.hypot(*shift),
+        shift_sd,
+        math.hypot(a, b),
+        math.degrees(math.atan2(b, a)),
+        math.degrees(math.sqrt(float(covariance[1, 1]))),
+        "the reference image",
+    )
+
+
+def _followed(before: "np.ndarray", after: "np.ndarray", known: "np.ndarray") -> tuple[Floats, Floats] | None:
+    """Return details that are in both images, (n, 2) each."""
+    mask = cv2.erode(known.astype(np.uint8) * 255, np.ones((15, 15)))
+    points = cv2.goodFeaturesToTrack(before, POINTS, QUALITY, SPACING_PX, mask=mask)
+    if points is None or len(points) < MIN_POINTS:
+        return None
+    found, is_found, _ = cv2.calcOpticalFlowPyrLK(before, after, points, points.copy(), None, None, (25, 25))
+    back, is_back, _ = cv2.calcOpticalFlowPyrLK(after, before, found, points.copy(), None, None, (25, 25))
+    is_good = (is_found.ravel() > 0) & (is_back.ravel() > 0)
+    is_good &= np.linalg.norm((back - points).reshape(-1, 2), axis=1) < RETURN_PX
+    if is_good.sum() < MIN_POINTS:
+        return None
+    return points.reshape(-1, 2)[is_good].astype(np.float64), found.reshape(-1, 2)[is_good].astype(np.float64)
+
+
+def _similarity(before: Floats, after: Floats) -> tuple[Floats, Floats] | None:
+    """Fit x' = a x - b y + c, y' = b x + a y + d robustly; return (a, b, c, d) and their covariance."""
+    _, is_inlier = cv2.estimateAffinePartial2D(
+        before, after, method=cv2.RANSAC, ransacReprojThreshold=INLIER_PX
+    )
+    if is_inlier is None or is_inlier.sum() < max(MIN_POINTS, MIN_INLIER_SHARE * len(before)):
+        return None
+    chosen = is_inlier.ravel() > 0
+    (x, y), target = before[chosen].T, after[chosen]
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    design = np.vstack([np.stack([x, -y, one, zero], axis=1), np.stack([y, x, zero, one], axis=1)])
+    measured = np.concatenate([target[:, 0], target[:, 1]])
+    values = np.linalg.lstsq(design, measured, rcond=None)[0]
+    variance = float(np.mean((design @ values - measured) ** 2)) * CORRELATED_POINTS
+    return values, np.linalg.inv(design.T @ design) * variance
+
+
+def by_rim(view: View) -> Motion | None:
+    """Compare the rim with the registered circle, or the reference image's rim; None if there is no rim."""
+    if view.rim is None:
+        return None
+    center, radius = view.center_px, view.radius_px
+    if view.reference_rim is not None:
+        center, radius = view.reference_rim.inner.center_px, view.reference_rim.inner.radius_px
+    shift_px = math.dist(view.rim.inner.center_px, center)
+    turned = turned_ports_deg(view)
+    return Motion(
+        shift_px,
+        RIM_SD_PX,
+        view.rim.inner.radius_px / radius,
+        float(np.mean(turned)) if turned else None,
+        PORT_SD_DEG / math.sqrt(len(turned)) if turned else math.inf,
+        "the rim and the port openings" if turned else "the rim",
+    )
+
+
+def turned_ports_deg(view: View) -> list[float]:
+    """Return how far the registered trocars' openings are turned, clockwise; empty if not all are visible."""
+    turned = []
+    for registered_deg in view.trocars_deg:
+        off = [_wrapped(found_deg - registered_deg) for found_deg in view.ports_deg]
+        nearest = min(off, key=abs, default=180.0)
+        if abs(nearest) > PORT_MATCH_DEG:
+            return []
+        turned.append(nearest)
+    return turned if len(turned) > 1 else []
+
+
+def _wrapped(angle_deg: float) -> float:
+    return (angle_deg + 180) % 360 - 180

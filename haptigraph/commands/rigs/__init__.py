@@ -1,0 +1,1 @@
+"""Commands of rigs: whether one is set up as a run relies on."""

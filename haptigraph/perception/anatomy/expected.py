@@ -1,0 +1,59 @@
+"""Where the design of a set-up has the anatomy in the image: a prior for the search [px]."""
+
+import math
+
+from msgspec import Struct
+
+from haptigraph.geometry import Vec
+
+__all__ = ["Expected"]
+
+NEAR_SD = 4.0  # what is expected is searched within so many standard deviations
+SLACK_PX = 4.0  # as much does the search itself add
+WALL_SLACK = 0.02  # of the ratio of radii: the edges of a printed wall are rounded
+
+
+class Expected(Struct, frozen=True):
+    """The anatomy as designed, with standard deviations; angles from the top, positive to the right."""
+
+    center_px: Vec
+    """Of the globe's section."""
+    center_sd_px: Vec
+    radius_px: float
+    """Of the globe's section."""
+    radius_sd_px: float
+    rim_ratio: float
+    """Apparent size of the rim relative to the section."""
+    rim_ratio_sd: float
+    wall_ratio: float
+    """Outer over inner radius of the rim."""
+    wall_ratio_sd: float
+    closeness: float
+    """Radius of the globe over its distance from the camera."""
+    closeness_sd: float
+    tilt_sd_deg: float
+    """Of each component of the angle between section and sensor, which is designed to be 0."""
+    ports_deg: tuple[float, ...]
+    ports_sd_deg: float
+
+    def radii_px(self) -> tuple[float, float]:
+        """Return the least and the largest radius at which the rim's inner edge is searched."""
+        radius_px, reach_px = self.radius_px * self.rim_ratio, NEAR_SD * self.radius_sd_px + SLACK_PX
+        return radius_px - reach_px, radius_px + reach_px
+
+    def is_near(self, center_px: Vec, radius_px: float) -> bool:
+        """Return whether a circle may be the rim's inner edge."""
+        low_px, high_px = self.radii_px()
+        return low_px <= radius_px <= high_px and all(
+            abs(at - expected) <= NEAR_SD * sd + SLACK_PX
+            for at, expected, sd in zip(center_px, self.center_px, self.center_sd_px, strict=True)
+        )
+
+    def is_wall(self, ratio: float) -> bool:
+        """Return whether two edges may be those of the wall, by the ratio of their radii."""
+        return abs(ratio - self.wall_ratio) <= NEAR_SD * self.wall_ratio_sd + WALL_SLACK
+
+    def is_port(self, angle_deg: float) -> bool:
+        """Return whether an opening at an angle may be a port."""
+        off_deg = (abs(angle_deg - port_deg) for port_deg in self.ports_deg)
+        return min(off_deg, default=math.inf) <= NEAR_SD * self.ports_sd_deg
