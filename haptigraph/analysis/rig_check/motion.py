@@ -10,8 +10,10 @@ import cv2
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.analysis.rig_check.view import View
+from haptigraph.analysis.rig_check.view import View, polar_samples
 from haptigraph.imaging import Floats, grey_of
+from haptigraph.messages import Image
+from haptigraph.perception.anatomy.edge import Edge
 
 __all__ = ["PORT_MATCH_DEG", "Motion", "by_reference", "by_rim", "turned_ports_deg"]
 
@@ -19,6 +21,8 @@ POINTS, QUALITY, SPACING_PX = 400, 0.01, 8
 MIN_POINTS = 25
 MIN_INLIER_SHARE = 0.35
 INLIER_PX = 1.5
+ANGLES_DEG = np.arange(0.0, 360.0, 0.5)  # from the top
+RADII_RATIO, RADII = (0.3, 1.5), 60  # of the rim's radius: what is compared to find a rotation
 RETURN_PX = 0.7  # between a point and where it comes back to
 CORRELATED_POINTS = 4.0  # neighbouring details have errors in common
 PORT_MATCH_DEG = 8.0
@@ -47,9 +51,7 @@ def by_reference(view: View) -> Motion | None:
     background, rim, reference_rim = view.registration.background, view.rim, view.reference_rim
     if background is None or rim is None or reference_rim is None:
         return None
-    scale = rim.inner.radius_px / reference_rim.inner.radius_px
-    (rx, ry), (fx, fy) = reference_rim.inner.center_px, rim.inner.center_px
-    start = np.array([[scale, 0, fx - scale * rx], [0, scale, fy - scale * ry]])
+    start = _alignment(view, background.image, reference_rim.inner)
     height, width = view.image.shape[:2]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     aligned = cv2.warpAffine(view.image, start, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
@@ -73,6 +75,24 @@ def by_reference(view: View) -> Motion | None:
         math.degrees(math.sqrt(float(covariance[1, 1]))),
         "the reference image",
     )
+
+
+def _alignment(view: View, reference: Image, rim: Edge) -> Floats:
+    """Return the similarity that maps the reference image's rim to the one found, turned to fit best, (2, 3)."""
+    radii = np.linspace(*RADII_RATIO, RADII)
+    before = polar_samples(grey_of(reference), rim.center_px, ANGLES_DEG, radii * rim.radius_px)
+    after = polar_samples(grey_of(view.image), view.found_center_px, ANGLES_DEG, radii * view.found_radius_px)
+    spectra = (np.fft.rfft(each - each.mean(axis=0), axis=0) for each in (before, after))
+    likeness = np.fft.irfft(next(spectra).conj() * next(spectra), axis=0).sum(axis=1)
+    turn = math.radians(float(ANGLES_DEG[int(likeness.argmax())]))
+    scale = view.found_radius_px / rim.radius_px
+    a, b, (rx, ry), (fx, fy) = (
+        scale * math.cos(turn),
+        scale * math.sin(turn),
+        rim.center_px,
+        view.found_center_px,
+    )
+    return np.array([[a, -b, fx - a * rx + b * ry], [b, a, fy - b * rx - a * ry]])
 
 
 def _followed(before: "np.ndarray", after: "np.ndarray", known: "np.ndarray") -> tuple[Floats, Floats] | None:
