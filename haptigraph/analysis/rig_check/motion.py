@@ -11,9 +11,11 @@ import numpy as np
 from msgspec import Struct
 
 from haptigraph.analysis.rig_check.view import View, polar_samples
+from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, grey_of
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.edge import Edge
+from haptigraph.perception.anatomy.rim import Rim
 
 __all__ = ["PORT_MATCH_DEG", "Motion", "by_reference", "by_rim", "turned_ports_deg"]
 
@@ -78,7 +80,7 @@ def by_reference(view: View) -> Motion | None:
 
 
 def _alignment(view: View, reference: Image, rim: Edge) -> Floats:
-    """Return the similarity that maps the reference image's rim to the one found, turned to fit best, (2, 3)."""
+    """Return the similarity from the reference image's rim to the one found, turned to fit best, (2, 3)."""
     radii = np.linspace(*RADII_RATIO, RADII)
     before = polar_samples(grey_of(reference), rim.center_px, ANGLES_DEG, radii * rim.radius_px)
     after = polar_samples(grey_of(view.image), view.found_center_px, ANGLES_DEG, radii * view.found_radius_px)
@@ -131,19 +133,31 @@ def by_rim(view: View) -> Motion | None:
     """Compare the rim with the registered circle, or the reference image's rim; None if there is no rim."""
     if view.rim is None:
         return None
+    (x, y), sd_px = _center(view.rim)
     center, radius = view.center_px, view.radius_px
     if view.reference_rim is not None:
-        center, radius = view.reference_rim.inner.center_px, view.reference_rim.inner.radius_px
-    shift_px = math.dist(view.rim.inner.center_px, center)
+        (center, reference_sd_px), radius = _center(view.reference_rim), view.reference_rim.inner.radius_px
+        sd_px = math.hypot(sd_px, reference_sd_px)
     turned = turned_ports_deg(view)
     return Motion(
-        shift_px,
-        RIM_SD_PX,
+        math.dist((x, y), center),
+        sd_px,
         view.rim.inner.radius_px / radius,
         float(np.mean(turned)) if turned else None,
         PORT_SD_DEG / math.sqrt(len(turned)) if turned else math.inf,
         "the rim and the port openings" if turned else "the rim",
     )
+
+
+def _center(rim: Rim) -> tuple[Vec, float]:
+    """Return the centre of both edges of the wall, and its standard deviation: half of what they differ by.
+
+    An edge with little contrast may be taken for a nearby change of shade.
+    """
+    if rim.outer is None:
+        return rim.inner.center_px, RIM_SD_PX
+    (ax, ay), (bx, by) = rim.inner.center_px, rim.outer.center_px
+    return ((ax + bx) / 2, (ay + by) / 2), max(RIM_SD_PX, math.hypot(ax - bx, ay - by) / 2)
 
 
 def turned_ports_deg(view: View) -> list[float]:
