@@ -16,7 +16,7 @@ RIGS ?= $(basename $(notdir $(wildcard rig/*.toml)))
 BUILDS ?= 2
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render rig-registration interop test-exports wheels lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render rig-registration interop test-exports wheels lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -121,6 +121,9 @@ bench: setup  ## time of every stage; perceivers against the paper's; rules agai
 
 bench-empty: setup  ## how often a needle is reported in pictures that show none
 	$(BIN)/python benchmarks/no_needle.py
+
+bench-rig: setup  ## how surely rig check finds sabotaged rigs, and how often something in sound ones; 15 min
+	$(BIN)/python benchmarks/rig_check.py
 
 bench-degraded: setup  ## accuracy on labelled clips: as they are, at half size, with motion blur, noise, and as poor JPEG
 	$(BIN)/python benchmarks/degraded.py

@@ -30,7 +30,7 @@ from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenes import NUISANCE_CONDITIONS, random_scene
 from haptigraph.sources.reading import read_images
 
-__all__ = ["SABOTAGES", "SOUND", "Setup", "clip_setup", "judged", "simulated_setup"]
+__all__ = ["SABOTAGES", "SOUND", "Setup", "clip_setup", "judged", "simulated_setup", "warped"]
 
 SOUND = ("plain", "shadow", "bubbles", "second_instrument", "tilt")
 """Nuisance conditions of the simulator that do not make a rig unsound."""
@@ -58,6 +58,10 @@ class Setup(Struct, frozen=True, eq=False):
     def px_per_mm(self) -> float:
         """Registered scale."""
         return 1 / self.registration.image.mm_per_px
+
+    def without_rig(self) -> "Setup":
+        """Return the same set-up without rig.toml."""
+        return replace(self, rig=None)
 
 
 def judged(setup: Setup) -> Judgement:
@@ -180,7 +184,7 @@ def upside_down(setup: Setup, severity: int, rng: Rng) -> Setup:
     """Turn the camera by 180 degrees; a little less exactly, or mirrored as well, with the severity."""
     turned = _changed(setup, lambda image: np.ascontiguousarray(image[::-1, ::-1]))
     if severity == 0:
-        return _warped(turned, turn_deg=float(rng.uniform(-2, 2)))
+        return warped(turned, turn_deg=float(rng.uniform(-2, 2)))
     return turned if severity == 1 else _changed(turned, lambda image: np.ascontiguousarray(image[:, ::-1]))
 
 
@@ -200,7 +204,7 @@ def wrong_mirror_flag(setup: Setup, severity: int, rng: Rng) -> Setup:
 
 def camera_near(setup: Setup, severity: int, rng: Rng) -> Setup:
     """Move the camera towards the eye."""
-    return _warped(setup, zoom=(1.08, 1.25, 1.6)[severity])
+    return warped(setup, zoom=(1.08, 1.25, 1.6)[severity])
 
 
 def target_off(setup: Setup, severity: int, rng: Rng) -> Setup:
@@ -215,7 +219,7 @@ def moved(setup: Setup, severity: int, rng: Rng) -> Setup:
     """Shift the picture, and turn it with the severity."""
     reach_px = (0.35, 0.7, 1.2)[severity] * setup.px_per_mm
     turn, turn_deg = rng.uniform(0, 2 * math.pi), (0.0, 2.5, 6.0)[severity] * float(rng.choice((-1, 1)))
-    return _warped(setup, shift_px=(reach_px * math.cos(turn), reach_px * math.sin(turn)), turn_deg=turn_deg)
+    return warped(setup, shift_px=(reach_px * math.cos(turn), reach_px * math.sin(turn)), turn_deg=turn_deg)
 
 
 def low_frame_rate(setup: Setup, severity: int, rng: Rng) -> Setup:
@@ -270,7 +274,7 @@ def _noisy(image: "np.ndarray", rng: Rng) -> "np.ndarray":
     return image + NOISE_GREY * rng.standard_normal((*image.shape[:2], 1), np.float32)
 
 
-def _warped(
+def warped(
     setup: Setup, *, zoom: float = 1.0, turn_deg: float = 0.0, shift_px: Sequence[float] = (0.0, 0.0)
 ) -> Setup:
     """Zoom and turn the pictures about the eye, clockwise, and shift them."""

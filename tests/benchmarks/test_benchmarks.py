@@ -43,6 +43,7 @@ SMALLEST = {
     "no_needle": [((), {"OF_A_KIND": 1, "IMAGES": 3})],
     "perception": [((), {"IMAGES": 40, "PASSES": 1})],
     "robot_approaches": [(("--approaches", "1", "--trials", "2"), {})],
+    "rig_check": [(("--sound", "1", "--degraded", "1", "--sabotaged", "0", "--clips"), {})],
     "robot_place": [((), {"RUNS": 3})],
     "robot_loop": [(("--seconds", "1"), {"SETTLE_S": 0.1, "CHROMIUM": None})],
     "registration": [(("1", "3"), {})],

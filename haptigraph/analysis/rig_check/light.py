@@ -103,7 +103,7 @@ def _noise_and_unsteadiness(view: View) -> tuple[float, float]:
         np.sqrt(_tiles(cv2.absdiff(one, other).astype(np.float32) ** 2))
         for one, other in pairwise(view.clip.consecutive)
     ]
-    noise = float(np.median(np.median(differences, axis=0))) / np.sqrt(2)
+    noise = float(np.median(np.median(differences, axis=0)) / np.sqrt(2))
     gains = np.median(means / np.maximum(means.mean(axis=0), 1.0), axis=(1, 2))
     return noise, float(gains.std())
 

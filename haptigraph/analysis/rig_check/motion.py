@@ -10,8 +10,12 @@ import cv2
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.analysis.rig_check.view import View
+from haptigraph.analysis.rig_check.view import View, polar_samples
+from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, grey_of
+from haptigraph.messages import Image
+from haptigraph.perception.anatomy.edge import Edge
+from haptigraph.perception.anatomy.rim import Rim
 
 __all__ = ["PORT_MATCH_DEG", "Motion", "by_reference", "by_rim", "turned_ports_deg"]
 
@@ -19,6 +23,8 @@ POINTS, QUALITY, SPACING_PX = 400, 0.01, 8
 MIN_POINTS = 25
 MIN_INLIER_SHARE = 0.35
 INLIER_PX = 1.5
+ANGLES_DEG = np.arange(0.0, 360.0, 0.5)  # from the top
+RADII_RATIO, RADII = (0.3, 1.5), 60  # of the rim's radius: what is compared to find a rotation
 RETURN_PX = 0.7  # between a point and where it comes back to
 CORRELATED_POINTS = 4.0  # neighbouring details have errors in common
 PORT_MATCH_DEG = 8.0
@@ -47,9 +53,7 @@ def by_reference(view: View) -> Motion | None:
     background, rim, reference_rim = view.registration.background, view.rim, view.reference_rim
     if background is None or rim is None or reference_rim is None:
         return None
-    scale = rim.inner.radius_px / reference_rim.inner.radius_px
-    (rx, ry), (fx, fy) = reference_rim.inner.center_px, rim.inner.center_px
-    start = np.array([[scale, 0, fx - scale * rx], [0, scale, fy - scale * ry]])
+    start = _alignment(view, background.image, reference_rim.inner)
     height, width = view.image.shape[:2]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     aligned = cv2.warpAffine(view.image, start, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
@@ -73,6 +77,24 @@ def by_reference(view: View) -> Motion | None:
         math.degrees(math.sqrt(float(covariance[1, 1]))),
         "the reference image",
     )
+
+
+def _alignment(view: View, reference: Image, rim: Edge) -> Floats:
+    """Return the similarity from the reference image's rim to the one found, turned to fit best, (2, 3)."""
+    radii = np.linspace(*RADII_RATIO, RADII)
+    before = polar_samples(grey_of(reference), rim.center_px, ANGLES_DEG, radii * rim.radius_px)
+    after = polar_samples(grey_of(view.image), view.found_center_px, ANGLES_DEG, radii * view.found_radius_px)
+    spectra = (np.fft.rfft(each - each.mean(axis=0), axis=0) for each in (before, after))
+    likeness = np.fft.irfft(next(spectra).conj() * next(spectra), axis=0).sum(axis=1)
+    turn = math.radians(float(ANGLES_DEG[int(likeness.argmax())]))
+    scale = view.found_radius_px / rim.radius_px
+    a, b, (rx, ry), (fx, fy) = (
+        scale * math.cos(turn),
+        scale * math.sin(turn),
+        rim.center_px,
+        view.found_center_px,
+    )
+    return np.array([[a, -b, fx - a * rx + b * ry], [b, a, fy - b * rx - a * ry]])
 
 
 def _followed(before: "np.ndarray", after: "np.ndarray", known: "np.ndarray") -> tuple[Floats, Floats] | None:
@@ -111,19 +133,31 @@ def by_rim(view: View) -> Motion | None:
     """Compare the rim with the registered circle, or the reference image's rim; None if there is no rim."""
     if view.rim is None:
         return None
+    (x, y), sd_px = _center(view.rim)
     center, radius = view.center_px, view.radius_px
     if view.reference_rim is not None:
-        center, radius = view.reference_rim.inner.center_px, view.reference_rim.inner.radius_px
-    shift_px = math.dist(view.rim.inner.center_px, center)
+        (center, reference_sd_px), radius = _center(view.reference_rim), view.reference_rim.inner.radius_px
+        sd_px = math.hypot(sd_px, reference_sd_px)
     turned = turned_ports_deg(view)
     return Motion(
-        shift_px,
-        RIM_SD_PX,
+        math.dist((x, y), center),
+        sd_px,
         view.rim.inner.radius_px / radius,
         float(np.mean(turned)) if turned else None,
         PORT_SD_DEG / math.sqrt(len(turned)) if turned else math.inf,
         "the rim and the port openings" if turned else "the rim",
     )
+
+
+def _center(rim: Rim) -> tuple[Vec, float]:
+    """Return the centre of both edges of the wall, and its standard deviation: half of what they differ by.
+
+    An edge with little contrast may be taken for a nearby change of shade.
+    """
+    if rim.outer is None:
+        return rim.inner.center_px, RIM_SD_PX
+    (ax, ay), (bx, by) = rim.inner.center_px, rim.outer.center_px
+    return ((ax + bx) / 2, (ay + by) / 2), max(RIM_SD_PX, math.hypot(ax - bx, ay - by) / 2)
 
 
 def turned_ports_deg(view: View) -> list[float]:

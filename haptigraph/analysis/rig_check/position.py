@@ -21,8 +21,8 @@ MAX_MOVED_MM, MAX_MOVED_PX = 0.15, 1.5
 """Largest motion of globe and trocars; the larger holds. Contacts are judged at 0.7 mm."""
 SCALE_RANGE = 0.985, 1.035  # of the rim against the registered circle
 REFERENCE_SCALE_RANGE = 0.99, 1.01  # of the rim against that of the reference image
-MAX_SD_SHARE = 0.5  # of the limit: a less certain motion is not judged
 MAX_RESIDUAL_MM, MAX_RESIDUAL_PX = 0.15, 1.0
+MAX_PORT_MM = 0.6  # along the wall; a port opening is located to 0.25 mm
 MIN_SUPPORT = 0.6
 MAX_LAYER_MM = 0.3  # of a registered retina before the wall: a thicker one is not at the rim
 
@@ -89,7 +89,9 @@ def moved(view: View) -> Subject:
         _moved_findings(view, best, REFERENCE_SCALE_RANGE if by_details is not None else scale_range)
     )
     not_judged = ""
-    if best.turn_deg is None:
+    if best.shift_sd_px > max(MAX_MOVED_MM * view.px_per_mm, MAX_MOVED_PX):
+        not_judged = f"its shift, which is uncertain by {best.shift_sd_px / view.px_per_mm:.2f} mm"
+    elif best.turn_deg is None:
         not_judged = (
             "its rotation: there is no reference image that resembles the picture, and the port openings are "
             "not visible where they were registered"
@@ -112,7 +114,7 @@ def _moved_findings(view: View, motion: Motion, scale_range: tuple[float, float]
         yield Finding(
             "moved",
             f"by {motion.evidence}, the eye is turned by {motion.turn_deg:+.1f} deg (standard deviation "
-            f"{motion.turn_sd_deg:.1f} deg) since it was registered; at most {limit_deg:.1f} deg is valid: "
+            f"{motion.turn_sd_deg:.2f} deg) since it was registered; at most {limit_deg:.1f} deg is valid: "
             f"{remedy}",
         )
     low, high = scale_range
@@ -148,6 +150,12 @@ def _residual_findings(measured: dict[str, float], limit_mm: float) -> Iterator[
             "rim_support",
             f"the rim is visible on {support:.0%} of its circumference; at least {MIN_SUPPORT:.0%} is valid: "
             "remove what covers it, or light it better",
+        )
+    if (off_mm := measured.get("port_residual_mm", 0.0)) > MAX_PORT_MM:
+        yield Finding(
+            "residual",
+            f"the port openings are off their trocars by {off_mm:.2f} mm, at most {MAX_PORT_MM:g} mm "
+            "is valid: register again",
         )
     for what, sentence in (
         ("rim", "the rim is not round: register again, so that the camera's tilt is corrected"),

@@ -57,6 +57,6 @@ def _diameter_findings(view: View, rig: Rig, limit_mm: float) -> Iterator[Findin
         yield Finding(
             "scale",
             f"the registration has an eye of {registered_mm:g} mm, the rig one of "
-            f"{rig.eye.diameter_mm:g} mm; at most {limit_mm:.1f} mm apart is valid: register again with --diameter-mm "
-            f"{rig.eye.diameter_mm:g}",
+            f"{rig.eye.diameter_mm:g} mm; at most {limit_mm:.1f} mm apart is valid: register again with "
+            f"--diameter-mm {rig.eye.diameter_mm:g}",
         )

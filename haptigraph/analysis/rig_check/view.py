@@ -126,7 +126,7 @@ def angle_from_top_deg(point_px: Vec, center_px: Vec) -> float:
 
 
 def polar_samples(image: Image, center_px: Vec, angles_deg: Floats, radii_px: Floats) -> Floats:
-    """Sample an image at angles from the top (n,) and radii (m,), (n, m, 3)."""
+    """Sample an image at angles from the top (n,) and radii (m,), (n, m, 3) or (n, m) of a grey one."""
     angles = np.radians(angles_deg)[:, None]
     x = (center_px[0] + radii_px * np.sin(angles)).astype(np.float32)
     y = (center_px[1] - radii_px * np.cos(angles)).astype(np.float32)

@@ -1,0 +1,46 @@
+"""The motion since the registration, against known motions, with and without a reference image."""
+
+import numpy as np
+import pytest
+from rig_setups import simulated_setup, warped
+
+from haptigraph.analysis.rig_check.clip import clip_of
+from haptigraph.analysis.rig_check.motion import by_reference, by_rim
+from haptigraph.analysis.rig_check.view import view_of
+from haptigraph.messages import Capture
+
+SEED = 9102
+
+
+@pytest.fixture(scope="module")
+def sound():
+    return simulated_setup(0, SEED, has_mark=False, has_reference=True)
+
+
+def view(setup):
+    captures = [Capture(number, number * 33_000_000, image) for number, image in enumerate(setup.images[:9])]
+    return view_of(clip_of(captures, setup.registration, 30.0), setup.registration)
+
+
+@pytest.mark.parametrize(
+    ("zoom", "turn_deg", "shift_px"),
+    [(1.0, 0.0, (0.0, 0.0)), (1.03, 0.0, (4.0, -3.0)), (0.98, 3.0, (-8.0, 2.0)), (1.0, -7.0, (0.0, 12.0))],
+)
+def test_a_known_motion_is_recovered_within_its_uncertainty(sound, zoom, turn_deg, shift_px):
+    motion = by_reference(view(warped(sound, zoom=zoom, turn_deg=turn_deg, shift_px=shift_px)))
+    assert motion is not None
+    assert motion.turn_deg is not None
+    assert motion.shift_sd_px < 0.3
+    assert motion.shift_px == pytest.approx(np.hypot(*shift_px), abs=0.3)
+    assert motion.turn_deg == pytest.approx(turn_deg, abs=0.2)
+    assert motion.scale == pytest.approx(zoom, abs=0.003)
+
+
+def test_without_a_reference_image_the_rim_shows_the_shift():
+    sound = simulated_setup(1, SEED, has_reference=False)
+    still, moved = (by_rim(view(warped(sound, shift_px=shift))) for shift in ((0.0, 0.0), (6.0, 0.0)))
+    assert by_reference(view(sound)) is None
+    assert still is not None
+    assert moved is not None
+    assert still.shift_px < 1.5
+    assert moved.shift_px == pytest.approx(6.0, abs=1.5)
