@@ -84,6 +84,9 @@ class RunInfo(Struct, frozen=True):
     device_profile: str = ""
     """The complete profile of the haptic device; empty: none, so that amplitudes were its drive."""
     device_profile_sha256: str = ""
+    own_classes: str = ""
+    """Perceiver, source and device that are not part of haptigraph, a line each: "perceiver module:Class" and
+    the SHA-256 of the module's file, if it has one; empty: none."""
 
 
 class VideoImage(Struct, frozen=True):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from haptigraph.config import Config, SourceConfig
 from haptigraph.errors import BadInput, NeedsRegistration
+from haptigraph.importing import is_own, split_own
 
 __all__ = [
     "CAMERAS",
@@ -37,6 +38,8 @@ DICOM_MAGIC_OFFSET, DICOM_MAGIC = 128, b"DICM"
 
 def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
     """Return the kind and argument of a source: "phantom:x" -> ("phantom", "x").
+
+    The kind of a source of the user's own is "module:Class".
 
     Args:
         uri: The name, as the user wrote it.
@@ -69,12 +72,24 @@ def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
         return kind_by_suffix[path.suffix.lower()], uri
     if uri and path.exists():
         return "dicom" if _is_dicom(path) else "video", uri
-    if uri and (path.suffix or len(path.parts) > 1) and kind == uri:
+    return _split_own(uri)
+
+
+def _split_own(uri: str) -> tuple[str, str]:
+    """Split the name of a source of the user's own.
+
+    Raises:
+        BadInput: If it is none.
+    """
+    if is_own(uri):
+        return split_own(uri)
+    path = Path(uri)
+    if uri and (path.suffix or len(path.parts) > 1) and ":" not in uri:
         raise BadInput("file not found; `haptigraph sources` lists what SOURCE can be", uri)
     raise BadInput(
         "no such source; valid: phantom:SCENARIO, teleop:SCENARIO, camera:N, realsense[:SERIAL], ros2:TOPIC, "
         "rosbag:PATH, oct:PATH, or the path of a video, DICOM file, folder of images, recording (.mcap) "
-        "or one of the RealSense SDK (.db3)",
+        "or one of the RealSense SDK (.db3), or MODULE:CLASS of your own",
         uri or "''",
     )
 
