@@ -15,6 +15,7 @@ from haptigraph.errors import BadInput
 from haptigraph.haptics.observed_device import is_felt
 from haptigraph.importing import is_own, module_sha256, split_own
 from haptigraph.recording.reader import RunReader
+from haptigraph.sources.naming import split_source
 
 OWN = Path(__file__).parent / "support" / "own_parts.py"
 
@@ -132,6 +133,10 @@ def test_a_shipped_perceiver_leaves_nothing_to_record(quick_uri, tmp_path):
 
 def test_a_source_of_ones_own_gets_its_argument_and_is_recorded(tmp_path):
     path = tmp_path / "run.mcap"
+    assert split_source("own_parts:FilmSource:scan.vol", assemble.SOURCES) == (
+        "own_parts:FilmSource",
+        "scan.vol",
+    )
     settings = ("source.uri=own_parts:FilmSource:5", f"recording.path={path}")
     config = load_config(None, settings)
     assert not assemble.is_realtime(config)

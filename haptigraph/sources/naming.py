@@ -49,6 +49,8 @@ def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
         BadInput: If it is neither a known kind nor an existing path.
     """
     kind, _, argument = uri.partition(":")
+    if is_own(uri) and kind not in kinds and not Path(uri).exists():
+        return split_own(uri)
     if uri == "teleop":
         return kind, DEFAULT_SCENARIO
     if kind == "realsense" and Path(argument).suffix.lower() not in REALSENSE_FILES:
@@ -72,21 +74,14 @@ def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
         return kind_by_suffix[path.suffix.lower()], uri
     if uri and path.exists():
         return "dicom" if _is_dicom(path) else "video", uri
-    return _split_own(uri)
+    raise _no_such_source(uri)
 
 
-def _split_own(uri: str) -> tuple[str, str]:
-    """Split the name of a source of the user's own.
-
-    Raises:
-        BadInput: If it is none.
-    """
-    if is_own(uri):
-        return split_own(uri)
+def _no_such_source(uri: str) -> BadInput:
     path = Path(uri)
     if uri and (path.suffix or len(path.parts) > 1) and ":" not in uri:
-        raise BadInput("file not found; `haptigraph sources` lists what SOURCE can be", uri)
-    raise BadInput(
+        return BadInput("file not found; `haptigraph sources` lists what SOURCE can be", uri)
+    return BadInput(
         "no such source; valid: phantom:SCENARIO, teleop:SCENARIO, camera:N, realsense[:SERIAL], ros2:TOPIC, "
         "rosbag:PATH, oct:PATH, or the path of a video, DICOM file, folder of images, recording (.mcap) "
         "or one of the RealSense SDK (.db3), or MODULE:CLASS of your own",
