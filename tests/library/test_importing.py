@@ -17,7 +17,7 @@ from haptigraph.importing import is_own, module_sha256, split_own
 from haptigraph.recording.reader import RunReader
 from haptigraph.sources.naming import split_source
 
-OWN = Path(__file__).parent / "support" / "own_parts.py"
+OWN = Path(__file__).parents[1] / "support" / "own_parts.py"
 
 
 def error_of(*settings: str) -> str:
