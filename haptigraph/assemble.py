@@ -16,7 +16,7 @@ from haptigraph.importing import load as _load
 from haptigraph.perception.entities import ENTITIES, ROBOT_TIP
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
 from haptigraph.run_device import DEVICES, open_device
-from haptigraph.run_header import run_info
+from haptigraph.run_header import own_classes, run_info
 from haptigraph.run_notes import run_notes
 from haptigraph.run_registration import registration_of
 from haptigraph.run_settings import suited
@@ -109,7 +109,7 @@ def build(
         config = suited(config, source, registration)
         profile, profile_text = open_profile(config.haptics)
         pipeline = build_pipeline(config, registration, procedure)
-        texts = robot_setup, profile_text
+        texts = robot_setup, profile_text, own_classes(config, {*PERCEIVERS, *SOURCES, *DEVICES})
         info = run_info(config, source, registration, procedure, clock, __version__, *texts)
         measures = procedure.schema.measure_names
         video = _load("haptigraph.sources.naming:video_to_store")(config, SOURCES)
@@ -166,7 +166,7 @@ def is_realtime(config: Config) -> bool:
         BadInput: If a camera, an actuator, a leader or a bridge is to run at any other pace.
     """
     kind, device, run = split_source(config.source.uri, SOURCES)[0], config.haptics.device, config.run
-    bound = [device] * is_felt(device) + [config.source.uri] * (kind in CAMERAS)
+    bound = [device] * is_felt(device) + [config.source.uri] * _is_live(kind)
     bound += [f"--force {config.haptics.force}"] * bool(config.haptics.force)
     bound += [f"--leader {run.leader}"] * bool(run.leader) + [f"--bridge {name}" for name in run.bridges]
     realtime = bool(bound) or kind in GENERATED if run.realtime is None else run.realtime
@@ -239,14 +239,18 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
         "ros2": camera,
         "teleop": {"clock": clock, "target_mm": settings.target_mm},
     }
-    source: Source = _load(SOURCES[kind])(argument, **options.get(kind, {}))
-    check_members(source, Source, f"source {kind} ({SOURCES[kind]})")
+    is_own = kind not in SOURCES
+    given = {"clock": clock} if is_own and _is_live(kind) else options.get(kind, {})
+    source: Source = _named(SOURCES, "source", kind)(argument, **given)
+    check_members(source, Source, f"source {kind}" if is_own else f"source {kind} ({SOURCES[kind]})")
+    if is_own and source.is_live != _is_live(kind):
+        raise BadInput(f"source {kind}: is_live is {source.is_live}; set it on the class, not on the object")
     if settings.crop_px and kind != "oct":  # which crops by itself
         source = _load("haptigraph.sources.oct.crop:CropSource")(source, settings.crop_px, settings.uri)
     if settings.turn != UPRIGHT:
         source = _load("haptigraph.sources.turned:turned")(source, kind, settings)
     waits, read_ahead = isinstance(clock, VirtualClock), _load("haptigraph.sources.reading:ReadAhead")
-    if kind in GENERATED and settings.jpeg_quality:
+    if (kind in GENERATED or _is_live(kind)) and settings.jpeg_quality:
         if kind in PREFETCHABLE:  # so that one image is made while the previous one is compressed
             source = read_ahead(source, waits=waits)
         source = _load("haptigraph.sources.jpeg:JpegSource")(source, settings.jpeg_quality)
@@ -300,10 +304,22 @@ def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Pro
 
 
 def perceiver_class(name: str) -> PerceiverClass:
-    """Return the class of perceivers of a name."""
+    """Return the class of perceivers of a name, or the user's own that "module:Class" names.
+
+    Raises:
+        BadInput: If there is none, or it lacks a member of `PerceiverClass`.
+    """
     perceiver: PerceiverClass = _named(PERCEIVERS, "perceiver", name)
-    check_members(perceiver, PerceiverClass, f"perceiver {name} ({PERCEIVERS[name]})")
+    path = f" ({PERCEIVERS[name]})" if name in PERCEIVERS else ""
+    check_members(perceiver, PerceiverClass, f"perceiver {name}{path}")
     return perceiver
+
+
+def _is_live(kind: str) -> bool:
+    """Return whether sources of a kind set the pace: cameras, and those of the user's own that say so."""
+    if kind in CAMERAS or kind in SOURCES:
+        return kind in CAMERAS
+    return bool(getattr(_named(SOURCES, "source", kind), "is_live", False))
 
 
 def _output(device: Device, config: Config, clock: Clock, profile: DeviceProfile | None) -> HapticOutput:

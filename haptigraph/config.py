@@ -40,7 +40,8 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
 
     uri: str = "phantom:align_then_approach"
     """phantom:SCENARIO, teleop:SCENARIO (steered by you), camera:N, realsense[:SERIAL], ros2:TOPIC, or the
-    path of a video, a DICOM file, a folder of images, or a recording, also one of the RealSense SDK."""
+    path of a video, a DICOM file, a folder of images, or a recording, also one of the RealSense SDK; or
+    MODULE:CLASS[:ARGUMENT] of your own."""
     registration: str = ""
     """Path of the registration; empty: the source's own."""
     jpeg_quality: Annotated[int, Meta(ge=0, le=100)] = 90
@@ -97,7 +98,7 @@ class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
 
     perceiver: str = "auto"
     """tracker, forceps, bscan, segmentation, volume, or threshold (the paper's method, for which most of the
-    settings here are); auto: the one that finds the procedure's entities."""
+    settings here are); auto: the one that finds the procedure's entities; or MODULE:CLASS of your own."""
     model: str = ""
     """TOML file of the segmentation's ONNX model; empty: the one that ships with haptigraph. Of `volume`: the
     .npz file of an instrument that `register --volumes` learned; empty: any needle over a retina."""
@@ -122,8 +123,8 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Device and limits of the haptic output."""
 
     device: str = "console"
-    """console, trace:FILE.csv, audio[:FILE.wav], gamepad:N, serial:PORT?pin=N,
-    drv2605:PORT?motor=lra or ros2[:TOPIC]."""
+    """console, trace:FILE.csv, audio[:FILE.wav], gamepad:N, serial:PORT?pin=N, drv2605:PORT?motor=lra,
+    ros2[:TOPIC], or MODULE:CLASS[:ARGUMENT] of your own."""
     force: str = ""
     """Device that pushes the hand, and is moved by it to steer: inverse3[:HOST:PORT], crtk:NAMESPACE,
     forcedimension[:N] or simulated; empty: none."""

@@ -13,10 +13,12 @@ import msgspec
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
+from haptigraph.display import ShownAsSvg, view
 from haptigraph.errors import MissingExtra
 
 if TYPE_CHECKING:
     import networkx
+    from matplotlib.figure import Figure
 
 __all__ = ["Entity", "GraphDiff", "Names", "Node", "Relation", "SceneGraph", "Schema", "Triplet"]
 
@@ -226,7 +228,7 @@ class GraphDiff(Struct, frozen=True):
         return any((self.nodes_appeared, self.nodes_vanished, self.edges_appeared, self.edges_vanished))
 
 
-class SceneGraph(Struct, frozen=True):
+class SceneGraph(Struct, ShownAsSvg, frozen=True):
     """The scene at one moment. Nodes and edges are in schema order, so equal scenes give equal bytes."""
 
     stamp_ns: int
@@ -236,6 +238,10 @@ class SceneGraph(Struct, frozen=True):
     """The numbers that decided the edges, by name with unit ("theta_deg", "distance_to_retina_mm")."""
     sds: dict[str, float] = {}
     """Standard deviations of those measures for which a relation has a margin; an unknown one is left out."""
+
+    def __repr__(self) -> str:
+        edges = ", ".join(map(str, self.edges)) or "no edge"
+        return f"<SceneGraph of {len(self.nodes)} nodes: {edges}>"
 
     def __contains__(self, edge: Triplet) -> bool:
         return edge in self.edges
@@ -285,6 +291,11 @@ class SceneGraph(Struct, frozen=True):
             msgspec.ValidationError: If it is not such a graph.
         """
         return msgspec.json.decode(data, type=cls)
+
+    def plot(self) -> "Figure":
+        """Draw the graph: instruments on the left, other nodes on the right, predicates between them."""
+        figure: Figure = view("graph figure", self)
+        return figure
 
     def to_networkx(self) -> "networkx.MultiDiGraph[str]":
         """Return a copy for NetworkX; nodes have the attributes category and group, edge keys are predicates.

@@ -12,6 +12,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from haptigraph.display import ShownAsHtml
 from haptigraph.geometry import Geometry, Vec
 from haptigraph.grammar import OFF, Follow, ForceField, Pattern
 from haptigraph.graph import SceneGraph, Triplet
@@ -252,7 +253,7 @@ class Observation(Struct, frozen=True):
     surface in a volume below the tip."""
 
 
-class Conclusion(Struct, frozen=True):
+class Conclusion(Struct, ShownAsHtml, frozen=True):
     """The surgical state, the rule that fired, and why."""
 
     stamp_ns: int
@@ -269,6 +270,9 @@ class Conclusion(Struct, frozen=True):
     """The measures of the graph that the pattern follows."""
     forces: tuple[str, ...] = ()
     """Names of the state's force fields."""
+
+    def __repr__(self) -> str:
+        return f"<Conclusion {self.state}, feels {self.feel!r}: {self.because}>"
 
 
 class HapticCommand(Struct, frozen=True):
@@ -312,7 +316,7 @@ class Timing(Struct, frozen=True):
     """Duration of each stage."""
 
 
-class Step(Struct, frozen=True):
+class Step(Struct, ShownAsHtml, frozen=True):
     """One iteration of the loop: what is recorded, replayed, drawn, tested and counted."""
 
     index: int
@@ -323,6 +327,10 @@ class Step(Struct, frozen=True):
     command: HapticCommand
     timing: Timing | None = None
     """Added by `Pipeline.run`; None straight out of `Pipeline.step`."""
+
+    def __repr__(self) -> str:
+        state, plays = self.conclusion.state, self.command.pattern.name
+        return f"<Step of image {self.index} at {self.stamp_ns / 1e9:.3f} s: {state}, plays {plays!r}>"
 
     @property
     def faults(self) -> tuple[Fault, ...]:

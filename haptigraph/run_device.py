@@ -5,7 +5,7 @@
 
 from typing import Any
 
-from haptigraph.importing import chosen, load
+from haptigraph.importing import chosen, is_own, load, load_own, split_own
 from haptigraph.stages import Device
 
 __all__ = ["DEVICES", "device_class", "open_device"]
@@ -40,13 +40,20 @@ def device_class(kind: str) -> Any:
 
 
 def open_device(name: str) -> Device:
-    """Open a haptic device by NAME or NAME:ARGUMENT.
+    """Open a haptic device by NAME or NAME:ARGUMENT, or one of the user's own by MODULE:CLASS[:ARGUMENT].
+
+    A device of the user's own may keep vibrating if the run dies, so it has a watchdog process too.
 
     Raises:
         BadInput: If there is no such device.
     """
     kind, _, argument = name.partition(":")
-    if kind in WATCHED:
+    path, library = (DEVICES[kind], WATCHED[kind]) if kind in WATCHED else ("", "")
+    if kind not in DEVICES and is_own(name):
+        path, argument = split_own(name)
+        load_own("device", path, DEVICES)
+        library = path.partition(":")[0]
+    if path:
         watched = load("haptigraph.haptics.watchdog:WatchedDevice")
-        return watched(DEVICES[kind], argument, WATCHED[kind])  # type: ignore[no-any-return]
+        return watched(path, argument, library)  # type: ignore[no-any-return]
     return device_class(kind)(argument)  # type: ignore[no-any-return]

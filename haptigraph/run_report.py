@@ -6,6 +6,8 @@ from collections import Counter
 import numpy as np
 from msgspec import Struct, field
 
+from haptigraph.display import ShownAsHtml
+
 __all__ = ["STAGES", "Durations", "RunReport"]
 
 BINS, LOG_WIDTH = 2400, math.log(1.01)
@@ -32,7 +34,7 @@ class Durations:
         return float(100 * 1.01 ** (index + 0.5) / 1e6)
 
 
-class RunReport(Struct):
+class RunReport(Struct, ShownAsHtml):
     """Technical statistics of a run."""
 
     steps: int = 0
@@ -60,6 +62,10 @@ class RunReport(Struct):
 
     force: str = ""
     """How the force device ran, in one line; empty: there was none."""
+
+    def __repr__(self) -> str:
+        faults = f", faults: {self.faults.total()}" if self.faults else ""
+        return f"<RunReport of {self.steps} steps, {self.rate_hz:.0f} steps/s{faults}; {self.ended}>"
 
     def note_limits(self, assumed: tuple[str, ...], max_amplitude: float) -> None:
         """Note what the registration assumes, and the limit of the amplitude."""

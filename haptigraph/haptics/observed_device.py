@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import TypeAlias
 
+from haptigraph.importing import is_own
 from haptigraph.messages import Capabilities, Delivered
 from haptigraph.stages import Device
 
@@ -17,6 +18,7 @@ __all__ = [
 ]  # fmt: skip
 
 ACTUATORS = ("audio", "crtk", "drv2605", "gamepad", "ros2", "serial")
+NOT_FELT = ("console", "trace")
 CONFIRMING = ("controller", "drv2605", "gamepad", "serial")
 MAX_PERIODS = 10_000
 
@@ -59,8 +61,12 @@ class ObservedDevice:
 
 
 def is_felt(device: str) -> bool:
-    """Return whether a person feels a device of this name: an actuator, not a file or the terminal."""
-    return device.partition(":")[0] in ACTUATORS and not device.endswith(".wav")
+    """Return whether a person feels a device of this name: an actuator, not a file or the terminal.
+
+    One of the user's own counts as felt.
+    """
+    kind = device.partition(":")[0]
+    return (kind in ACTUATORS and not device.endswith(".wav")) or (kind not in NOT_FELT and is_own(device))
 
 
 def confirms(output: str) -> bool:

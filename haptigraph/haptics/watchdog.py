@@ -30,7 +30,7 @@ from haptigraph.errors import BadInput, DeviceError, HaptigraphError
 from haptigraph.haptics.descriptors import DescriptorReserve
 from haptigraph.importing import load
 from haptigraph.messages import Capabilities
-from haptigraph.stages import Device
+from haptigraph.stages import Device, check_members
 
 __all__ = ["Command", "Reply", "WatchdogServer", "WatchedDevice", "main"]
 
@@ -313,8 +313,10 @@ def main() -> None:
         if commands.readline() != GO:
             sys.exit(1)  # the run ended, and never needed this process
         device = kind(argument)
-    except HaptigraphError as error:
-        _send(replies, Reply(0, str(error)))
+        check_members(device, Device, f"device {path}")
+    except Exception as error:  # also any of a device of the user's own
+        found = str(error) if isinstance(error, HaptigraphError) else f"{type(error).__name__}: {error}"
+        _send(replies, Reply(0, found))
         sys.exit(1)
     _send(replies, Reply(0, "", device.capabilities))
     try:

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Protocol
 
 from msgspec import Meta, Struct, field
 
+from haptigraph.display import ShownAsSvg
 from haptigraph.errors import BadInput
 from haptigraph.grammar import ForceField, Pattern
 from haptigraph.graph import Entity, Names, Relation, Schema, Triplet
@@ -93,7 +94,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     run: RunSpan | None = None
 
 
-class Procedure(Struct, frozen=True):
+class Procedure(Struct, ShownAsSvg, frozen=True):
     """A checked procedure. States are in order of priority; the first match wins."""
 
     name: str
@@ -110,6 +111,9 @@ class Procedure(Struct, frozen=True):
     overlaps: tuple[Overlap, ...] = ()
     temporal: tuple[Temporal, ...] = ()
     span: RunSpan = RunSpan()
+
+    def __repr__(self) -> str:
+        return f"<Procedure {self.name}: {len(self.states)} states, sha256 {self.sha256[:12]}>"
 
     @property
     def sha256(self) -> str:

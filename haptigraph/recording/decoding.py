@@ -9,9 +9,11 @@ from mcap.records import Message
 from msgspec import UNSET
 
 from haptigraph.errors import BadInput
+from haptigraph.messages import DepthImage
+from haptigraph.recording.codec import decode_depth
 from haptigraph.recording.schema import TOPICS, CaptureRecord
 
-__all__ = ["DEPTH", "IMAGE", "decode_message", "is_complete", "is_read"]
+__all__ = ["DEPTH", "IMAGE", "decode_message", "depth_of", "is_complete", "is_read"]
 
 IMAGE = "/camera/image"
 DEPTH = "/camera/depth"
@@ -58,3 +60,15 @@ def is_complete(messages: Mapping[str, Any]) -> bool:
     capture: CaptureRecord = messages["/capture"]
     has_image = capture.image != "recorded" or IMAGE in messages
     return has_image and (capture.depth is UNSET or DEPTH in messages)
+
+
+def depth_of(record: CaptureRecord, messages: Mapping[str, Any]) -> DepthImage | None:
+    """Return the depth image of a step from its messages by topic; None: it has none.
+
+    Raises:
+        ValueError: If it cannot be decoded.
+    """
+    if record.depth is UNSET:
+        return None
+    place, values = record.depth, decode_depth(messages[DEPTH].data)
+    return DepthImage(values, place.unit_mm, place.left_px, place.top_px)

@@ -1,18 +1,20 @@
-"""Read recordings, also interrupted ones: the header, and captures and steps in order."""
+"""Read recordings, also interrupted ones: the header, captures and steps, in order, by number or by time."""
 
-from collections.abc import Container, Generator, Iterator, Mapping
+from collections.abc import Container, Generator, Iterator
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self, overload
 
 from mcap.records import Channel, Message, Metadata
-from msgspec import UNSET
 from msgspec.structs import replace
 
+from haptigraph.by_time import ByTime
+from haptigraph.display import ShownRun
 from haptigraph.errors import BadInput
-from haptigraph.messages import Capture, DepthImage, Image, Step
+from haptigraph.messages import Capture, Image, Step
 from haptigraph.recording.attachments import AttachedFile
-from haptigraph.recording.codec import decode, decode_depth
-from haptigraph.recording.decoding import DEPTH, IMAGE, decode_message, is_complete, is_read
+from haptigraph.recording.codec import decode
+from haptigraph.recording.decoding import DEPTH, IMAGE, decode_message, depth_of, is_complete, is_read
 from haptigraph.recording.foxglove import CompressedImage
 from haptigraph.recording.header import Losses, is_header, is_losses, read_header, read_losses
 from haptigraph.recording.journal import complete_records, is_being_written, is_whole, records_between
@@ -31,8 +33,19 @@ class StepLocation(NamedTuple):
     end: int
 
 
-class RunReader:
-    """One recording.
+class _Index(NamedTuple):
+    places: list[StepLocation]
+    time_s: list[float]
+    """Since the first step."""
+
+
+class RunReader(ShownRun):
+    """One recording, also as the sequence of its complete steps.
+
+    `len(run)`, `for step in run`, `run[10]`, `run[-1]`, `run[10:20]`: steps by number, without images;
+    `run.at_s[2.5]`, `run.at_s[2.5:4]`: by time. Of a recording that is still being written, these are the
+    steps there were when one of them was first asked for. It holds no file open, except that of a stored
+    video; `with RunReader(path) as run` closes that, too.
 
     Args:
         path: The MCAP file.
@@ -53,6 +66,58 @@ class RunReader:
         self.is_whole = is_whole(self.path)
         """False if the run was interrupted or is still being recorded."""
         self.is_being_written = not self.is_whole and is_being_written(self.path)
+
+    def __repr__(self) -> str:
+        started = self.info.started_utc[:16].replace("T", " ")
+        return f"<RunReader {self.path.name}: {self.info.source}, {started} UTC>"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close what reading images has opened. May be called twice; reading opens it again."""
+        if self._video is not None:
+            self._video.close()
+
+    def __len__(self) -> int:
+        return len(self._index.places)
+
+    def __iter__(self) -> Iterator[Step]:
+        return (step for _, step in self.places())
+
+    @overload
+    def __getitem__(self, number: int) -> Step: ...
+
+    @overload
+    def __getitem__(self, number: slice) -> list[Step]: ...
+
+    def __getitem__(self, number: int | slice) -> Step | list[Step]:
+        if not isinstance(number, slice):
+            return self._steps_at([self._place(number)])[0]
+        places = self._index.places[number]
+        backwards = number.step is not None and number.step < 0
+        return self._steps_at(places[::-1])[::-1] if backwards else self._steps_at(places)
+
+    @property
+    def at_s(self) -> ByTime[Step]:
+        """Steps by time in seconds since the first step: `run.at_s[2.5]`, `run.at_s[2.5:4]`."""
+        return ByTime(self, self._index.time_s)
+
+    def capture(self, number: int) -> Capture:
+        """Return the capture of a step, with its image.
+
+        Raises:
+            IndexError: If there is no such step.
+            BadInput: If the image cannot be decoded.
+        """
+        place = self._place(number)
+        for _, messages in self._groups(None, place):
+            if is_complete(messages):
+                return self._record(place.sequence, messages, decodes=True)[0]
+        raise self._has_changed(place)
 
     def records(self, *, images: Container[int] | None = None) -> Generator[tuple[Capture, Step], None, None]:
         """Yield every capture with its step.
@@ -93,7 +158,7 @@ class RunReader:
             if is_complete(messages):
                 capture, step = self._record(place.sequence, messages, decodes=False)
                 return replace(capture, image=self._video_image(place.sequence, messages["/capture"])), step
-        raise BadInput("has changed; open the recording again", self.path, f"step {place.sequence}")
+        raise self._has_changed(place)
 
     def count(self) -> tuple[int, int]:
         """Count the steps, and the images that perception processed but the recording lacks.
@@ -104,6 +169,37 @@ class RunReader:
         kept = [messages["/capture"].image for _, messages in self._steps(())]
         return len(kept), kept.count("dropped") + (0 if self._video else kept.count("video"))
 
+    @cached_property
+    def _index(self) -> _Index:
+        places, stamps_ns = list[StepLocation](), list[int]()
+        for place, step in self.places():
+            places.append(place)
+            stamps_ns.append(step.stamp_ns)
+        return _Index(places, [(stamp_ns - stamps_ns[0]) / 1e9 for stamp_ns in stamps_ns])
+
+    def _place(self, number: int) -> StepLocation:
+        count = len(self)
+        if not -count <= number < count:
+            raise IndexError(f"{self.path.name} has no step {number}; valid: 0 to {count - 1}")
+        return self._index.places[number]
+
+    def _steps_at(self, places: list[StepLocation]) -> list[Step]:
+        """Return the steps at some locations, in order, in one pass."""
+        if not places:
+            return []
+        wanted = {place.sequence for place in places}
+        found = [
+            self._record(place.sequence, messages, decodes=False)[1]
+            for place, messages in self._groups((), places[0], places[-1])
+            if place.sequence in wanted and is_complete(messages)
+        ]
+        if len(found) < len(places):
+            raise self._has_changed(places[0])
+        return found
+
+    def _has_changed(self, place: StepLocation) -> BadInput:
+        return BadInput("has changed; open the recording again", self.path, f"step {place.sequence}")
+
     def _record(self, sequence: int, messages: dict[str, Any], *, decodes: bool) -> tuple[Capture, Step]:
         record: CaptureRecord = messages["/capture"]
         compressed: CompressedImage | None = messages.get(IMAGE)
@@ -112,7 +208,7 @@ class RunReader:
             image = decode(data) if data is not None and decodes else None
             if decodes and record.video is not None:
                 image = self._video_image(sequence, record)
-            depth = _depth(record, messages) if decodes else None
+            depth = depth_of(record, messages) if decodes else None
         except ValueError as error:
             raise BadInput(f"image cannot be decoded: {error}", self.path, f"step {sequence}") from None
         capture = Capture(
@@ -170,31 +266,47 @@ class RunReader:
                 incomplete = place.sequence
 
     def _groups(
-        self, images: Container[int] | None, place: StepLocation | None = None
+        self,
+        images: Container[int] | None,
+        first: StepLocation | None = None,
+        last: StepLocation | None = None,
     ) -> Iterator[tuple[StepLocation, dict[str, Any]]]:
-        """Group the messages of each step, or of one; they are consecutive and share a sequence number."""
+        """Group the messages of each step; they are consecutive and share a sequence number.
+
+        Given the first, of that one alone; given the last, too, of all from the first to the last.
+        """
         sequence, messages = -1, dict[str, Any]()
-        start = last = before = offset = 0
-        records = records_between(self.path, *place[1:]) if place else complete_records(self.path)
+        start = end_of_step = 0
+        for before, end, message in self._messages(first, last or first):
+            topic = self._topics.get(message.channel_id, "")
+            if message.sequence != sequence:
+                if messages:
+                    yield StepLocation(sequence, start, end_of_step), messages
+                sequence, messages, start = message.sequence, {}, before
+            end_of_step = end
+            if topic in (IMAGE, DEPTH) and images is not None and sequence not in images:
+                messages[topic] = None
+            elif is_read(topic) or not topic:
+                messages[topic] = decode_message(topic, message, self.path)
+        if messages:
+            yield StepLocation(sequence, start, end_of_step), messages
+
+    def _messages(
+        self, first: StepLocation | None, last: StepLocation | None
+    ) -> Iterator[tuple[int, int, Message]]:
+        """Yield all messages, or those of some steps, after where their record or chunk starts and ends."""
+        before = offset = 0
+        records, wanted = complete_records(self.path), None
+        if first is not None and last is not None:
+            records = records_between(self.path, first.start, last.end)
+            wanted = range(first.sequence, last.sequence + 1)
         for end, record in records:
             if end != offset:
                 before, offset = offset, end
             if isinstance(record, Channel):
                 self._topics[record.id] = record.topic
-            if not isinstance(record, Message) or (place and record.sequence != place.sequence):
-                continue
-            topic = self._topics.get(record.channel_id, "")
-            if record.sequence != sequence:
-                if messages:
-                    yield StepLocation(sequence, start, last), messages
-                sequence, messages, start = record.sequence, {}, before
-            last = end
-            if topic in (IMAGE, DEPTH) and images is not None and sequence not in images:
-                messages[topic] = None
-            elif is_read(topic) or not topic:
-                messages[topic] = decode_message(topic, record, self.path)
-        if messages:
-            yield StepLocation(sequence, start, last), messages
+            elif isinstance(record, Message) and (wanted is None or record.sequence in wanted):
+                yield before, end, record
 
     def _read_info(self) -> RunInfo:
         """Read the records before the first message: header, topic of each channel, place of the video."""
@@ -213,10 +325,3 @@ class RunReader:
         if info is None:
             raise BadInput("not a recording of haptigraph (its header is missing)", self.path)
         return info
-
-
-def _depth(record: CaptureRecord, messages: Mapping[str, Any]) -> DepthImage | None:
-    if record.depth is UNSET:
-        return None
-    place, values = record.depth, decode_depth(messages[DEPTH].data)
-    return DepthImage(values, place.unit_mm, place.left_px, place.top_px)

@@ -87,6 +87,9 @@ class RunInfo(Struct, frozen=True):
     device_profile_sha256: str = ""
     depth_camera: str = ""
     """The camera that measured the depths, JSON (`DepthCamera`); empty: there are none."""
+    own_classes: str = ""
+    """Perceiver, source and device that are not part of haptigraph, a line each: "perceiver module:Class" and
+    the SHA-256 of the module's file, if it has one; empty: none."""
 
 
 class VideoImage(Struct, frozen=True):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from haptigraph.config import Config, SourceConfig
 from haptigraph.errors import BadInput, NeedsRegistration
+from haptigraph.importing import is_own, split_own
 
 __all__ = [
     "CAMERAS",
@@ -38,6 +39,8 @@ DICOM_MAGIC_OFFSET, DICOM_MAGIC = 128, b"DICM"
 def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
     """Return the kind and argument of a source: "phantom:x" -> ("phantom", "x").
 
+    The kind of a source of the user's own is "module:Class".
+
     Args:
         uri: The name, as the user wrote it.
         kinds: The kinds that exist.
@@ -46,6 +49,8 @@ def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
         BadInput: If it is neither a known kind nor an existing path.
     """
     kind, _, argument = uri.partition(":")
+    if is_own(uri) and kind not in kinds and not Path(uri).exists():
+        return split_own(uri)
     if uri == "teleop":
         return kind, DEFAULT_SCENARIO
     if kind == "realsense" and Path(argument).suffix.lower() not in REALSENSE_FILES:
@@ -69,12 +74,17 @@ def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
         return kind_by_suffix[path.suffix.lower()], uri
     if uri and path.exists():
         return "dicom" if _is_dicom(path) else "video", uri
-    if uri and (path.suffix or len(path.parts) > 1) and kind == uri:
-        raise BadInput("file not found; `haptigraph sources` lists what SOURCE can be", uri)
-    raise BadInput(
+    raise _no_such_source(uri)
+
+
+def _no_such_source(uri: str) -> BadInput:
+    path = Path(uri)
+    if uri and (path.suffix or len(path.parts) > 1) and ":" not in uri:
+        return BadInput("file not found; `haptigraph sources` lists what SOURCE can be", uri)
+    return BadInput(
         "no such source; valid: phantom:SCENARIO, teleop:SCENARIO, camera:N, realsense[:SERIAL], ros2:TOPIC, "
         "rosbag:PATH, oct:PATH, or the path of a video, DICOM file, folder of images, recording (.mcap) "
-        "or one of the RealSense SDK (.db3)",
+        "or one of the RealSense SDK (.db3), or MODULE:CLASS of your own",
         uri or "''",
     )
 

@@ -10,6 +10,7 @@ from haptigraph import assemble
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
+from haptigraph.importing import is_own, module_sha256
 from haptigraph.inference.coverage import unreported_notes
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Step
@@ -54,8 +55,8 @@ class ReplayReport(Struct):
     assumed: tuple[str, ...] = ()
     """What the recorded registration assumes, by name."""
     notes: tuple[str, ...] = ()
-    """By which profile the device played, and which states cannot occur because the recording's perceiver
-    does not report what they need."""
+    """By which profile the device played, whether a perceiver of the user's own has changed, and which states
+    cannot occur because the recording's perceiver does not report what they need."""
     recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
     replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
 
@@ -111,10 +112,16 @@ def replay(
 
 
 def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tuple[Step, Step]]:
-    """Yield every recorded step with the step that the pipeline now makes of the same capture."""
+    """Yield every recorded step with the step that the pipeline now makes of the same capture.
+
+    Raises:
+        BadInput: If the recording was made without images, or with a perceiver that cannot be imported.
+    """
     config = recorded_config(reader)
     perceiver = config.perception.perceiver
-    if perceiver not in (*assemble.PERCEIVERS, "auto"):  # that of a simulated participant, without images
+    if is_own(perceiver):
+        _own_note(reader, perceiver)
+    elif perceiver not in (*assemble.PERCEIVERS, "auto"):  # that of a simulated participant, without images
         raise BadInput(
             f"was made without images (perceiver {perceiver}), so it cannot be replayed", reader.path
         )
@@ -157,11 +164,35 @@ def _procedure(reader: RunReader, name: str | None) -> Procedure:
 def _notes(reader: RunReader, procedure: Procedure) -> tuple[str, ...]:
     info = reader.info
     played = f"the device played amplitudes by its profile, sha256 {info.device_profile_sha256[:12]}"
-    notes = (played,) if info.device_profile else ()
+    notes: tuple[str, ...] = (played,) if info.device_profile else ()
     name = assemble.perceiver_name(recorded_config(reader), procedure)
-    if name not in assemble.PERCEIVERS:
+    if is_own(name):
+        notes += (_own_note(reader, name),)
+    elif name not in assemble.PERCEIVERS:
         return notes
     return (*notes, *unreported_notes(procedure, name, assemble.perceiver_class))
+
+
+def _own_note(reader: RunReader, perceiver: str) -> str:
+    """Return whether a perceiver of the user's own is still that of the run, in one sentence.
+
+    Raises:
+        BadInput: If it cannot be imported.
+    """
+    try:
+        assemble.perceiver_class(perceiver)
+    except BadInput as error:
+        raise BadInput(
+            f"cannot be replayed without the perceiver of its run: {error.problem}", reader.path
+        ) from None
+    lines = reader.info.own_classes.splitlines()
+    recorded = next((line for line in lines if line.startswith("perceiver ")), "")
+    before, now = recorded.removeprefix(f"perceiver {perceiver}").strip(), module_sha256(perceiver)
+    changed = (
+        "is unchanged since the run" if before == now else "has changed since the run, so steps may differ"
+    )
+    whether = f"its module {changed}" if before and now else "whether it has changed is not known"
+    return f"perceiver {perceiver} is not part of haptigraph; {whether}"
 
 
 def _compare(number: int, time_s: float, recorded: Step, replayed: Step) -> Difference | None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from haptigraph.analysis.registering.depth import section_in_depth
 from haptigraph.analysis.registering.against_design import design_lines
+from haptigraph.analysis.registering.depth import section_in_depth
 from haptigraph.analysis.registering.design import load_design
 from haptigraph.analysis.registering.overrides import (
     NOT_UPRIGHT,

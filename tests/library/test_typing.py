@@ -19,6 +19,8 @@ PROGRAM = '''
 
 from typing import assert_type
 
+from matplotlib.figure import Figure
+
 import haptigraph
 from haptigraph import (
     Capture,
@@ -54,6 +56,24 @@ def evidence(path: str) -> list[Triplet]:
         return []
 
 
+def looked_at(path: str) -> None:
+    with RunReader(path) as run:
+        assert_type(run, RunReader)
+        assert_type(len(run), int)
+        assert_type(run[10], Step)
+        assert_type(run[10:20], list[Step])
+        assert_type(run.at_s[2.5], Step)
+        assert_type([step.conclusion.state for step in run.at_s[2.5:4]], list[str])
+        assert_type(run.capture(3), Capture)
+        assert_type(run.plot(), Figure)
+        assert_type(run[10].graph.plot(), Figure)
+        for step in run:
+            assert_type(step, Step)
+        run["first"]  # type: ignore[call-overload]
+        run.to_dataframe()
+        run.to_xarray()
+
+
 class MySource(Source):
     rate_hz, is_live = 30.0, False
 
@@ -79,6 +99,23 @@ def test_tab_completion_offers_the_public_names():
     assert dir(haptigraph) == haptigraph.__all__
     for name in dir(haptigraph):
         assert getattr(haptigraph, name) is not None
+
+
+@pytest.mark.parametrize(
+    ("expression", "names"),
+    [
+        ("run", {"at_s", "capture", "info", "plot", "records", "to_dataframe", "to_xarray"}),
+        ("run[10]", {"conclusion", "graph", "index", "observation", "stamp_ns"}),
+        ("run.at_s[2.5].conclusion", {"because", "evidence", "feel", "state"}),
+        ("haptigraph.load_procedure('x')", {"name", "sha256", "states"}),
+        ("haptigraph.build(haptigraph.load_config()).report", {"faults", "rate_hz", "steps"}),
+    ],
+)
+def test_tab_completes_what_nobody_has_run(expression, names):
+    jedi = pytest.importorskip("jedi")
+    typed = f"import haptigraph\nrun = haptigraph.RunReader('run.mcap')\n{expression}."
+    project = jedi.Project(str(Path(haptigraph.__file__).parents[1]))
+    assert {completion.name for completion in jedi.Script(typed, project=project).complete()} >= names
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,1 @@
+"""What notebooks show of runs, steps, graphs and procedures: tables, figures, DataFrames."""
