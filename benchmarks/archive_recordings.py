@@ -1,8 +1,8 @@
-"""Generate the recordings that `archive.py` measures: 2,000 runs of two seconds, 320 x 180, 20 of them damaged.
+"""Generate the recordings that `archive.py` measures: 2,000 runs of two seconds, 320 x 180, 20 damaged.
 
-`python benchmarks/archive_recordings.py FOLDER`. A few runs are simulated for each procedure; each is then written
-many times with another header (date, participant, trial), so that generation takes minutes. So many files have
-equal images; every file is read and replayed for itself.
+`python benchmarks/archive_recordings.py FOLDER`. A few runs are simulated for each procedure; each is then
+written many times with another header (date, participant, trial), so that generation takes minutes. So many
+files have equal images; every file is read and replayed for itself.
 """
 
 import argparse

@@ -47,6 +47,8 @@ class RunReader:
         """What is missing, if it was recovered from a damaged recording."""
         self.differing_images = 0
         """Images, of those decoded so far, that have other pixels than during the run: another decoder."""
+        self.dropped_images = 0
+        """Images, of the steps read so far, that perception processed but the recording lacks."""
         self._video: StoredVideo | None = None
         self.info = self._read_info()
         self.is_whole = is_whole(self.path)
@@ -92,13 +94,17 @@ class RunReader:
         Raises:
             BadInput: If the file is damaged, or a message cannot be decoded.
         """
-        kept = [messages["/capture"].image for _, messages in self._steps(())]
-        return len(kept), kept.count("dropped") + (0 if self._video else kept.count("video"))
+        dropped = [self._is_dropped(messages["/capture"]) for _, messages in self._steps(())]
+        return len(dropped), sum(dropped)
+
+    def _is_dropped(self, record: CaptureRecord) -> bool:
+        return record.image == "dropped" or (record.image == "video" and self._video is None)
 
     def _record(self, sequence: int, messages: dict[str, Any], *, decodes: bool) -> tuple[Capture, Step]:
         record: CaptureRecord = messages["/capture"]
         compressed: CompressedImage | None = messages.get(IMAGE)
         data = compressed.data if compressed else None
+        self.dropped_images += self._is_dropped(record)
         try:
             image = decode(data) if data is not None and decodes else None
             if decodes and record.video is not None:

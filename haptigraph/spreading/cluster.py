@@ -1,7 +1,8 @@
 """Run a function on many tasks on the machines of a Dask cluster.
 
-Dask executes the code that its network sends: whoever reaches a scheduler without TLS can run programs on its
-workers, and a scheduler can answer with code for this program. `Cluster.tls` admits only holders of a certificate.
+Dask executes the code that its network sends: whoever reaches a scheduler without TLS can run programs on
+its workers, and a scheduler can answer with code for this program. `Cluster.tls` admits only holders of a
+certificate.
 """
 
 from collections.abc import Callable, Iterable, Iterator

@@ -4,10 +4,9 @@ Each process works on one task at a time, so that it is known which task it died
 """
 
 import signal
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from itertools import count
+from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
@@ -22,27 +21,6 @@ SPAWN = get_context("spawn")  # a fork would copy threads and locks in an unknow
 END_TIMEOUT_S = 5
 
 
-class _Worker:
-    def __init__(self, work: Callable[[Any], Any]) -> None:
-        self.connection, theirs = SPAWN.Pipe()
-        self._process = SPAWN.Process(target=_serve, args=(theirs, work), daemon=True)
-        self._process.start()
-        theirs.close()  # so that the end of the process ends the connection
-
-    def send(self, task: object) -> None:
-        with suppress(OSError):  # it has died; reading from it says so
-            self.connection.send(task)
-
-    def end(self) -> None:
-        self.connection.close()
-        self._process.terminate()
-        self._process.join(END_TIMEOUT_S)
-        if self._process.exitcode is None:
-            self._process.kill()
-            self._process.join()
-        self._process.close()
-
-
 def in_processes(
     work: Callable[[Task], Result], tasks: Iterable[Task], workers: int
 ) -> Iterator[tuple[Task, Result | Killed]]:
@@ -53,47 +31,74 @@ def in_processes(
         tasks: Must be picklable; consumed on demand.
         workers: Number of processes.
     """
-    waiting, numbers = iter(tasks), count()
-    busy: dict[Connection, tuple[_Worker, int, Task]] = {}
-    deaths: Counter[int] = Counter()
-
-    def begin(worker: _Worker | None) -> None:
-        """Give the next task to a worker, or to a new one; without a task, end it."""
-        for task in waiting:
-            worker = worker or _Worker(work)
-            busy[worker.connection] = worker, next(numbers), task
-            worker.send(task)
-            return
-        if worker is not None:
-            worker.end()
-
+    waiting, busy = iter(tasks), dict[Any, _Worker]()
     try:
-        for _ in range(workers):
-            begin(None)
+        for task in islice(waiting, workers):
+            _begin(busy, _Worker(work), task)
         while busy:
             for connection in wait(list(busy)):
-                worker, number, task = busy.pop(connection)  # type: ignore[index]
-                try:
-                    result, error = worker.connection.recv()
-                except (EOFError, OSError):
-                    worker.end()
-                    deaths[number] += 1
-                    if deaths[number] < ATTEMPTS:
-                        again = _Worker(work)
-                        busy[again.connection] = again, number, task
-                        again.send(task)
-                        continue
-                    begin(None)
-                    yield task, Killed()
+                worker = busy.pop(connection)
+                task, answer = worker.task, worker.answer()
+                if answer is None and worker.attempts < ATTEMPTS:
+                    _begin(busy, _Worker(work, worker.attempts), task)
                     continue
-                deaths.pop(number, None)
-                begin(worker)
-                if error is not None:
-                    raise error
-                yield task, result
+                for following in islice(waiting, 1):
+                    _begin(busy, worker if answer else _Worker(work), following)
+                if worker.connection not in busy:
+                    worker.end()
+                yield task, Killed() if answer is None else _result(answer)
     finally:
-        for worker, _, _ in busy.values():
+        for worker in busy.values():
             worker.end()
+
+
+class _Worker:
+    """A process, the task that it works on, and how many workers have tried this task."""
+
+    def __init__(self, work: Callable[[Any], Any], attempts: int = 0) -> None:
+        self.connection, theirs = SPAWN.Pipe()
+        self.task: Any = None
+        self.attempts = attempts
+        self._process = SPAWN.Process(target=_serve, args=(theirs, work), daemon=True)
+        self._process.start()
+        theirs.close()  # so that the end of the process ends the connection
+
+    def answer(self) -> tuple[Any, Exception | None] | None:
+        """Return result and exception of the task; None if the process has died."""
+        try:
+            answer: tuple[Any, Exception | None] = self.connection.recv()
+        except (EOFError, OSError):
+            self.end()
+            return None
+        self.attempts = 0
+        return answer
+
+    def end(self) -> None:
+        """End the process. May be called twice."""
+        if self.connection.closed:
+            return
+        self.connection.close()
+        self._process.terminate()
+        self._process.join(END_TIMEOUT_S)
+        if self._process.exitcode is None:
+            self._process.kill()
+            self._process.join()
+        self._process.close()
+
+
+def _begin(busy: dict[Any, _Worker], worker: _Worker, task: object) -> None:
+    busy[worker.connection] = worker
+    worker.task = task
+    worker.attempts += 1
+    with suppress(OSError):  # it has died; its answer says so
+        worker.connection.send(task)
+
+
+def _result(answer: tuple[Any, Exception | None]) -> Any:
+    result, error = answer
+    if error is not None:
+        raise error
+    return result
 
 
 def _serve(connection: Connection, work: Callable[[Any], Any]) -> None:
@@ -103,7 +108,7 @@ def _serve(connection: Connection, work: Callable[[Any], Any]) -> None:
         while True:
             task = connection.recv()
             try:
-                answer: tuple[Any, BaseException | None] = work(task), None
+                answer: tuple[Any, Exception | None] = work(task), None
             except Exception as error:
                 answer = None, error
             connection.send(answer)

@@ -9,7 +9,6 @@ from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
-from distributed import LocalCluster, Security
 
 from haptigraph.errors import BadInput
 from haptigraph.spreading.spread import spread
@@ -99,6 +98,8 @@ def certificates(tmp_path_factory):
 
 
 def test_a_cluster_with_tls_admits_only_those_with_a_certificate(certificates, tmp_path, monkeypatch):
+    from distributed import LocalCluster, Security  # here, because every worker imports this file
+
     ca, cert, key = (str(certificates / f"{name}.pem") for name in ("ca", "cert", "key"))
     ends = {
         f"tls_{end}_{what}": path
