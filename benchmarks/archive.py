@@ -1,9 +1,9 @@
 """An archive of thousands of recordings: index, queries, and batches in processes and on a Dask cluster.
 
-`python benchmarks/archive_recordings.py FOLDER` makes the recordings. `python benchmarks/archive.py FOLDER
-WHAT...` measures: overhead, index, queries, one, two, dask, killed (default: all), or `simulated` for queries
-over 10^5 recordings that are drawn at random. Other load on the machine distorts wall times, so CPU times are
-printed, and the load.
+`python benchmarks/archive.py WHAT...` measures: overhead, index, queries, one, two, dask, killed (default:
+all), or `simulated` for queries over 10^5 recordings that are drawn at random. The recordings are those of
+`--folder`, as `archive_recordings.py` makes them; without it, new ones. Other load on the machine distorts wall
+times, so CPU times are printed, and the load.
 """
 
 import argparse
@@ -23,6 +23,7 @@ from multiprocessing import active_children
 from pathlib import Path
 
 import msgspec
+from archive_recordings import make_recordings
 
 from haptigraph.analysis.archive.index import update_archive
 from haptigraph.analysis.archive.query import query_archive
@@ -65,12 +66,17 @@ def main() -> None:
         "dask": dask_cluster,
     }
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("--folder", type=Path, help="a folder of recordings")
+    parser.add_argument("--count", type=int, default=2000, help="recordings to make without --folder")
     parser.add_argument("what", nargs="*", choices=[*measures, "simulated"], default=list(measures))
     given = parser.parse_args()
-    for name in given.what:
-        print(f"== {name}, load {os.getloadavg()[0]:.1f}", flush=True)
-        (simulated if name == "simulated" else measures[name])(given.folder)
+    with tempfile.TemporaryDirectory() as place:
+        folder = given.folder or Path(place) / "recordings"
+        if given.folder is None:
+            make_recordings(folder, given.count)
+        for name in given.what:
+            print(f"== {name}, load {os.getloadavg()[0]:.1f}", flush=True)
+            (simulated if name == "simulated" else measures[name])(folder)
 
 
 def overhead(folder: Path) -> None:

@@ -72,13 +72,18 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=5)
     given = parser.parse_args()
-    given.folder.mkdir(parents=True)
+    make_recordings(given.folder, given.count, given.seed)
+
+
+def make_recordings(folder: Path, count: int, seed: int = 5) -> None:
+    """Simulate some runs, write them as many recordings, and damage some of these."""
+    folder.mkdir(parents=True)
     start_s = time.perf_counter()
     with tempfile.TemporaryDirectory() as place:
-        runs = list(_simulated(Path(place), random.Random(given.seed)))
+        runs = list(_simulated(Path(place), random.Random(seed)))
     simulated_s = time.perf_counter() - start_s
-    paths = [_write(given.folder, number, *runs[number % len(runs)]) for number in range(given.count)]
-    damage(paths, given.seed)
+    paths = [write_recording(folder, number, *runs[number % len(runs)]) for number in range(count)]
+    damage(paths, seed)
     size_mb = sum(path.stat().st_size for path in paths) / 1e6
     wall_s = time.perf_counter() - start_s
     print(f"{len(paths)} recordings, {size_mb:.0f} MB, of {len(runs)} simulated runs")
@@ -87,7 +92,7 @@ def main() -> None:
 
 def damage(paths: list[Path], seed: int) -> None:
     """Change bytes of some recordings: in the header, or in the middle."""
-    for number, path in enumerate(random.Random(seed).sample(paths, min(DAMAGED, len(paths)))):
+    for number, path in enumerate(random.Random(seed).sample(paths, min(DAMAGED, len(paths) // 3))):
         data = bytearray(path.read_bytes())
         at = 400 if number % 5 < 2 else len(data) // 2
         data[at : at + 40] = bytes(40)
@@ -117,7 +122,8 @@ def _simulated(place: Path, chance: random.Random) -> Iterator[tuple[RunInfo, li
             yield reader.info, list(reader.records())
 
 
-def _write(folder: Path, number: int, info: RunInfo, records: list[tuple[Capture, Step]]) -> Path:
+def write_recording(folder: Path, number: int, info: RunInfo, records: list[tuple[Capture, Step]]) -> Path:
+    """Write a run as a recording of another time, participant and trial."""
     started = FIRST + datetime.timedelta(minutes=BETWEEN_MIN * number)
     shift_ns = round((started - datetime.datetime.fromisoformat(info.started_utc)).total_seconds() * 1e9)
     participant = f"P{number // 40 + 1:02}"

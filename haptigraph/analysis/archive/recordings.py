@@ -31,7 +31,7 @@ def check_folder(folder: Path) -> None:
 
 
 def found_recordings(folder: Path) -> Iterator[Found]:
-    """Yield every recording below a folder, in the order of the names.
+    """Yield every recording below a folder, in the order of the names; none that a link has outside of it.
 
     Raises:
         BadInput: If there is no such folder.
@@ -39,6 +39,10 @@ def found_recordings(folder: Path) -> Iterator[Found]:
     check_folder(folder)
     for path in sorted(folder.rglob("*.mcap")):
         with suppress(FileNotFoundError):  # removed meanwhile
-            if path.is_file():
+            if path.is_file() and _is_inside(path, folder):
                 found = path.stat()
                 yield Found(path.relative_to(folder).as_posix(), found.st_size, found.st_mtime_ns)
+
+
+def _is_inside(path: Path, folder: Path) -> bool:
+    return not path.is_symlink() or path.resolve().is_relative_to(folder.resolve())

@@ -129,7 +129,9 @@ class Archive:
 
 
 def _typed(row: Mapping[str, Any]) -> dict[str, Any]:
-    typed: dict[str, Any] = {key: list(value.items()) if isinstance(value, dict) else value for key, value in row.items()}
+    typed = dict(row)
+    for name in ("faults", "run_state_s", "state_s"):
+        typed[name] = list(typed.get(name, {}).items())
     if "started_utc" in typed:
         started = datetime.fromisoformat(typed["started_utc"])
         typed["started_utc"] = started.astimezone(UTC).replace(tzinfo=None)

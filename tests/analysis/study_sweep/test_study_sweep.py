@@ -101,7 +101,9 @@ def test_a_killed_worker_loses_no_result_and_stored_results_are_reused(quick, tm
 def test_a_cluster_is_used_by_its_address_and_must_have_the_same_version(quick, tmp_path, monkeypatch):
     settings = {"n_workers": 1, "processes": False, "dashboard_address": "127.0.0.1:0", "silence_logs": 50}
     with LocalCluster(**settings) as cluster:
-        rows, count = run_sweep(Sweep(quick, 1, 1), tmp_path / "a", cluster=Cluster(cluster.scheduler_address))
+        rows, count = run_sweep(
+            Sweep(quick, 1, 1), tmp_path / "a", cluster=Cluster(cluster.scheduler_address)
+        )
         assert (count, rows) == (1, run_task(Sweep(quick, 1, 1).task(AS_DRAWN, 0)))
         monkeypatch.setattr(study_sweep, "run_task", lambda task: [{**rows[0], "software": "0.0.9"}])
         with pytest.raises(BadInput, match=r"its workers have haptigraph 0\.0\.9, this is "):
