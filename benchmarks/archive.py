@@ -2,8 +2,8 @@
 
 `python benchmarks/archive.py WHAT...` measures: overhead, index, queries, one, two, dask, killed (default:
 all), or `simulated` for queries over 10^5 recordings that are drawn at random. The recordings are those of
-`--folder`, as `archive_recordings.py` makes them; without it, new ones. Other load on the machine distorts wall
-times, so CPU times are printed, and the load.
+`--folder`, as `archive_recordings.py` makes them; without it, new ones. Other load on the machine distorts
+wall times, so CPU times are printed, and the load.
 """
 
 import argparse

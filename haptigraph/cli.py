@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from haptigraph.commands.archive import archive, query
-from haptigraph.commands.batch import batch
+from haptigraph.commands.archives.archive import archive, query
+from haptigraph.commands.archives.batch import batch
 from haptigraph.commands.devices import devices
 from haptigraph.commands.evaluate import evaluate
 from haptigraph.commands.explain import diagram, evidence, explain, figure

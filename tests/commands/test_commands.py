@@ -88,7 +88,7 @@ def test_replay_under_another_procedure_says_what_differs_and_where_to_see_it(re
     assert "edges needle_tip approaching retina_surface" in result.output
     assert "{" not in result.output  # no raw JSON
     near = re.search(
-        r"^state misaligned retinal approach +([\d.]+) s +([\d.]+) s  \*$", result.output, re.MULTILINE
+        r"^state misaligned retinal approach +([\d.]+) s +([\d.]+) s +\*$", result.output, re.MULTILINE
     )
     assert float(near[1]) < float(near[2])
     assert re.search(r"^completion time .*[^*]$", result.output, re.MULTILINE)

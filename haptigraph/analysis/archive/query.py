@@ -22,13 +22,12 @@ except ModuleNotFoundError:
 
 __all__ = ["Answer", "open_archive", "query_archive", "staleness"]
 
-CONFIG = {
-    "enable_external_access": "false",
-    "autoinstall_known_extensions": "false",
-    "autoload_known_extensions": "false",
-    "python_enable_replacements": "false",
+CONFIG: dict[str, str | bool | int | float | list[str]] = {
+    "enable_external_access": False,
+    "autoinstall_known_extensions": False,
+    "autoload_known_extensions": False,
+    "python_enable_replacements": False,  # otherwise a query could name a variable of this program
 }
-BATCH = 1000
 
 
 class Answer(NamedTuple):

@@ -130,8 +130,8 @@ class Archive:
 
 def _typed(row: Mapping[str, Any]) -> dict[str, Any]:
     typed = dict(row)
-    for name in ("faults", "run_state_s", "state_s"):
-        typed[name] = list(typed.get(name, {}).items())
+    for name in typed.keys() & {"faults", "run_state_s", "state_s"}:
+        typed[name] = list(typed[name].items())
     if "started_utc" in typed:
         started = datetime.fromisoformat(typed["started_utc"])
         typed["started_utc"] = started.astimezone(UTC).replace(tzinfo=None)

@@ -1,12 +1,14 @@
 """Queries and the form: one SELECT over the archive's tables, and nothing else."""
 
+import re
 import shutil
 import subprocess
 import sys
 
 import pytest
+from paths import ROOT
 
-from haptigraph.analysis.archive.dictionary import RUNS
+from haptigraph.analysis.archive.dictionary import RUNS, STEPS
 from haptigraph.analysis.archive.finding import Condition, Filter, find
 from haptigraph.analysis.archive.index import update_archive
 from haptigraph.analysis.archive.query import query_archive
@@ -31,7 +33,7 @@ def archive(recordings, tmp_path_factory):
         ("copy runs to 'stolen.csv'", "one SELECT statement"),
         ("attach 'other.db'", "one SELECT statement"),
         ("select * from read_text('/etc/passwd')", "file system operations are disabled"),
-        ("select * from '/etc/passwd'", "file"),
+        ("select * from '/etc/passwd'", "does not exist"),
         ("select * from read_csv('https://example.org/a.csv')", "disabled"),
         ("select * from archive", "does not exist"),
         ("selec", "syntax error"),
@@ -52,6 +54,16 @@ def test_columns_say_unit_and_meaning_of_every_column(archive):
         assert sorted(names) == sorted(name for where, name, _ in listed if where == table)
     assert ("steps", "theta_deg", "°") in listed
     assert all(column.meaning for column in RUNS)
+
+
+def test_the_documentation_lists_the_columns():
+    text = (ROOT / "docs" / "archive.md").read_text(encoding="utf-8")
+    lines = {
+        name: next(line for line in text.splitlines() if line.startswith(f"| `{name}`"))
+        for name in ("runs", "steps")
+    }
+    for name, columns in (("runs", RUNS), ("steps", STEPS)):
+        assert re.findall(r"`(\w+)`", lines[name])[1:] == [column.name for column in columns]
 
 
 def test_rows_are_limited_and_the_answer_says_so(archive):

@@ -58,9 +58,12 @@ def test_a_batch_replays_each_recording_as_replay_does(folder, wide, tmp_path):
     assert table[NAMES[0]]["states_differ"] == str(rows[NAMES[0]][1]["states_differ"])
 
 
-def test_killed_workers_and_interruptions_lose_nothing_and_repeat_nothing(folder, tmp_path):
+def test_killed_workers_and_interruptions_lose_nothing_and_repeat_nothing(
+    folder, tmp_path, in_this_process, monkeypatch
+):
     whole = Batch("replay", folder, tmp_path / "whole")
     run_batch(whole)
+    monkeypatch.undo()
     broken = Batch("replay", folder, tmp_path / "broken")
 
     def kill(what, done, total):
