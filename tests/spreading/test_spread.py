@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, HaptigraphError
+from haptigraph.spreading import processes
 from haptigraph.spreading.spread import spread
 from haptigraph.spreading.tasks import ATTEMPTS, Cluster, Killed
 
@@ -73,6 +74,34 @@ def test_an_exception_of_a_task_is_raised_and_ends_the_workers():
 def test_the_task_of_a_killed_worker_is_repeated(tmp_path):
     folders = [tmp_path / str(number) for number in range(3)]
     assert sorted(spread(die_once, folders, workers=2)) == [(folder, "done") for folder in folders]
+
+
+def test_workers_that_die_while_they_start_are_not_blamed_on_their_task(monkeypatch):
+    started = []
+
+    class DyingAtFirst(processes._Worker):
+        def __init__(self, work, attempts=0):
+            super().__init__(work, attempts)
+            started.append(self)
+            if len(started) <= ATTEMPTS + 2:
+                self._process.kill()
+
+    monkeypatch.setattr(processes, "_Worker", DyingAtFirst)
+    assert list(spread(square, [3])) == [(3, 9)]
+    assert len(started) == ATTEMPTS + 3
+
+
+def test_workers_that_never_start_end_the_work(monkeypatch):
+    class Dying(processes._Worker):
+        def __init__(self, work, attempts=0):
+            super().__init__(work, attempts)
+            self._process.kill()
+
+    monkeypatch.setattr(processes, "_Worker", Dying)
+    monkeypatch.setattr(processes, "MAX_FAILED_STARTS", 5)
+    with pytest.raises(HaptigraphError, match="5 worker processes in a row died before they took a task"):
+        list(spread(square, [3]))
+    assert active_children() == []
 
 
 def test_a_task_that_kills_every_worker_is_given_up_and_the_others_are_done(tmp_path):
