@@ -16,7 +16,7 @@ RIGS ?= $(basename $(notdir $(wildcard rig/*.toml)))
 BUILDS ?= 2
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render rig-registration interop test-exports wheels lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render rig-registration interop test-exports wheels lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -155,6 +155,10 @@ bench-touch: setup  ## timing accuracy of the haptic grammar on a board at a ser
 
 bench-profiles: setup  ## simulated persons calibrate simulated devices: coverage, and whether "low" is the same
 	$(BIN)/python benchmarks/device_profiles.py
+
+bench-archive: setup  ## 2,000 recordings: index, queries, batches in processes and on a local Dask cluster; half an hour
+	$(BIN)/python benchmarks/archive.py
+	$(BIN)/python benchmarks/archive.py simulated --count 0
 
 bench-sweep: setup  ## 1,000 simulated participants on a local Dask cluster, two workers against one
 	$(BIN)/python benchmarks/sweep.py

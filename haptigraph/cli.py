@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from haptigraph.commands.archives.archive import archive, query
+from haptigraph.commands.archives.batch import batch
 from haptigraph.commands.devices import devices
 from haptigraph.commands.evaluate import evaluate
 from haptigraph.commands.explain import diagram, evidence, explain, figure
@@ -76,6 +78,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
         "Try it": ("live", "demo"),
         "Your own video or camera": ("sources", "register", "rig", "run"),
         "Recordings": ("replay", "explain", "figure", "export", "sync-check", "recover"),
+        "Many recordings": ("archive", "query", "batch"),
         "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices", "touch"),
         "Robots": ("robot",),
         "Accuracy": ("evaluate",),
@@ -113,6 +116,9 @@ for command in (
     study,
     sync_check,
     recover,
+    archive,
+    query,
+    batch,
     demo,
 ):
     main.add_command(command)

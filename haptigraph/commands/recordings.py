@@ -34,8 +34,8 @@ def replay(recording: str, procedure: str | None) -> None:
 
     Without --procedure, exit with code 1 if steps differ. With it, they may: both outcomes are shown.
     """
+    from haptigraph.analysis.metrics.comparison import comparison
     from haptigraph.analysis.metrics.replay import replay as run_again
-    from haptigraph.analysis.metrics.summary import summary
     from haptigraph.analysis.metrics.temporal import claim_lines
     from haptigraph.registration.assumed import assumed_lines
 
@@ -45,6 +45,10 @@ def replay(recording: str, procedure: str | None) -> None:
         if line:
             click.echo(line)
     click.echo(f"{report.identical} of {report.steps} steps identical")
+    click.echo(
+        f"states differ in {report.states_differ} of {report.steps} steps, "
+        f"haptic output in {report.haptics_differ}"
+    )
     if report.first is not None:
         first = report.first
         click.echo(f"first difference: step {first.step} at {first.time_s:.2f} s, {first.message}")
@@ -54,9 +58,21 @@ def replay(recording: str, procedure: str | None) -> None:
     for line in claim_lines(report.recorded.claims, report.recorded.first_ns) if not procedure else ():
         click.echo(line)
     if procedure:
-        click.echo(f"\nas recorded\n{summary(report.recorded)}\n\nas {procedure}\n{summary(report.replayed)}")
+        click.echo(f"\n{comparison(report, procedure)}\n\n{_page_lines(Path(recording), procedure)}")
     elif report.identical < report.steps:
         sys.exit(1)
+
+
+def _page_lines(recording: Path, procedure: str) -> str:
+    """Return how to see the comparison on the recordings page."""
+    from haptigraph.analysis.metrics.page_address import moment_address, page_command, page_procedure
+
+    folder = recording.parent
+    known = page_procedure(procedure, folder)
+    lines = [f"on a page: {page_command(folder)}", moment_address(recording.name, procedure=known)]
+    if not known:
+        lines.append(f"copy {Path(procedure).name} into {folder}, so that the page can compare with it")
+    return "\n".join(lines)
 
 
 def _robot_line(recording: str) -> str:

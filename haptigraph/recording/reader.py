@@ -61,6 +61,8 @@ class RunReader(ShownRun):
         """What is missing, if it was recovered from a damaged recording."""
         self.differing_images = 0
         """Images, of those decoded so far, that have other pixels than during the run: another decoder."""
+        self.dropped_images = 0
+        """Images, of the steps read so far, that perception processed but the recording lacks."""
         self._video: StoredVideo | None = None
         self.info = self._read_info()
         self.is_whole = is_whole(self.path)
@@ -166,8 +168,11 @@ class RunReader(ShownRun):
         Raises:
             BadInput: If the file is damaged, or a message cannot be decoded.
         """
-        kept = [messages["/capture"].image for _, messages in self._steps(())]
-        return len(kept), kept.count("dropped") + (0 if self._video else kept.count("video"))
+        dropped = [self._is_dropped(messages["/capture"]) for _, messages in self._steps(())]
+        return len(dropped), sum(dropped)
+
+    def _is_dropped(self, record: CaptureRecord) -> bool:
+        return record.image == "dropped" or (record.image == "video" and self._video is None)
 
     @cached_property
     def _index(self) -> _Index:
@@ -204,6 +209,7 @@ class RunReader(ShownRun):
         record: CaptureRecord = messages["/capture"]
         compressed: CompressedImage | None = messages.get(IMAGE)
         data = compressed.data if compressed else None
+        self.dropped_images += self._is_dropped(record)
         try:
             image = decode(data) if data is not None and decodes else None
             if decodes and record.video is not None:

@@ -23,6 +23,12 @@ for constant, value in {constants}.items():
 benchmark.main()
 """
 SMALLEST = {
+    "archive": [
+        (
+            ("overhead", "index", "queries", "two", "dask", "--count", "4"),
+            {"OVERHEAD_RECORDINGS": 1, "REPEATS": 1},
+        )
+    ],
     "bridges": [((), {"COUNT": 5, "STOPS": 1})],
     "bscan": [
         (("speed",), {"IMAGES": 3, "PASSES": 1}),
@@ -78,7 +84,7 @@ def test_every_benchmark_is_tested():
     assert {path.stem for path in FOLDER.glob("*.py")} == {
         *SMALLEST,
         "live",
-        *("force_motions", "jitter", "touch_trials", "volume_gap"),  # parts of others
+        *("archive_recordings", "force_motions", "jitter", "touch_trials", "volume_gap"),  # parts of others
         *("ablation", "compare_commits", "r_comparison"),  # need minutes, a repository, R
     }
 

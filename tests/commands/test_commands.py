@@ -16,7 +16,7 @@ from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 
 COMMANDS = [
-    "check", "demo", "devices", "diagram", "evaluate", "evidence", "explain", "figure", "live", "procedure", "recover", "register", "replay", "run", "sources",
+    "archive", "batch", "check", "demo", "devices", "diagram", "evaluate", "evidence", "explain", "figure", "live", "procedure", "query", "recover", "register", "replay", "run", "sources",
     "study", "touch",
 ]  # fmt: skip
 
@@ -36,7 +36,7 @@ def test_every_command_explains_itself(command):
 
 
 def test_help_imports_nothing_heavy():
-    code = "import sys, haptigraph.cli; print(*(m for m in ('numpy', 'cv2', 'matplotlib', 'rich', 'mcap', 'starlette', 'uvicorn', 'pydicom', 'pyrealsense2', 'cyclonedds', 'pylsl', 'foxglove', 'sqlalchemy', 'pandas', 'distributed', 'pyarrow') if m in sys.modules))"
+    code = "import sys, haptigraph.cli; print(*(m for m in ('numpy', 'cv2', 'matplotlib', 'rich', 'mcap', 'starlette', 'uvicorn', 'pydicom', 'pyrealsense2', 'cyclonedds', 'pylsl', 'foxglove', 'sqlalchemy', 'pandas', 'distributed', 'pyarrow', 'duckdb') if m in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 
@@ -75,14 +75,29 @@ def test_replay_finds_every_step_identical(recording):
     assert "117 of 117 steps identical" in result.output
 
 
-def test_replay_under_another_procedure_prints_both_summaries(recording, procedure, tmp_path):
+def test_replay_under_another_procedure_says_what_differs_and_where_to_see_it(recording, procedure, tmp_path):
     other = tmp_path / "other.toml"
     other.write_text(procedure.text.replace("at_most = 5.5", "at_most = 9.0"))
     result = call("replay", recording, "--procedure", other)
     assert result.exit_code == 0
+    states, haptics = re.search(
+        r"states differ in (\d+) of 117 steps, haptic output in (\d+)", result.output
+    ).groups()
+    assert int(states) > 0 and int(haptics) == 0
     assert "first difference: step" in result.output
-    assert "as recorded" in result.output
-    assert f"as {other}" in result.output
+    assert "edges needle_tip approaching retina_surface" in result.output
+    assert "{" not in result.output  # no raw JSON
+    near = re.search(
+        r"^state misaligned retinal approach +([\d.]+) s +([\d.]+) s +\*$", result.output, re.MULTILINE
+    )
+    assert float(near[1]) < float(near[2])
+    assert re.search(r"^completion time .*[^*]$", result.output, re.MULTILINE)
+    assert "not exercised" in result.output or "kept" in result.output
+    assert f"haptigraph live --recordings {recording.parent} --port 8765" in result.output
+    assert "http://127.0.0.1:8765/recordings#run.mcap" in result.output
+    assert "copy other.toml into" in result.output
+    shipped = call("replay", recording, "--procedure", "subretinal_injection_cautious").output
+    assert "http://127.0.0.1:8765/recordings#run.mcap?with=subretinal_injection_cautious" in shipped
 
 
 def test_a_replay_that_differs_exits_with_1(recording, monkeypatch):

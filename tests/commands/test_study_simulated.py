@@ -114,13 +114,29 @@ def test_a_sweep_writes_its_tables(study, tmp_path, monkeypatch):
     assert "unknown trait" in refuse(*arguments[:-1], "tremor=0")
 
 
-def test_without_dask_the_error_of_a_sweep_names_the_extra(study, tmp_path, monkeypatch):
-    for name in [
-        name for name in sys.modules if name.startswith("haptigraph.analysis.study_sweep.study_sweep")
-    ]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delitem(sys.modules, "haptigraph.analysis.study_sweep.cluster", raising=False)
+def test_a_sweep_on_a_cluster_without_dask_names_the_extra(study, tmp_path, monkeypatch):
+    monkeypatch.delitem(sys.modules, "haptigraph.spreading.cluster", raising=False)
     monkeypatch.setitem(sys.modules, "distributed", None)
-    output = refuse("study", "sweep", study, "-o", tmp_path / "out")
-    assert "pip install 'haptigraph[cluster]'" in output
-    assert not (tmp_path / "out").exists()
+    arguments = (
+        "study",
+        "sweep",
+        study,
+        "-o",
+        tmp_path / "out",
+        "--participants",
+        1,
+        "--cluster",
+        "tcp://127.0.0.1:1",
+    )
+    assert "pip install 'haptigraph[cluster]'" in refuse(*arguments)
+
+
+def test_a_cluster_is_encrypted_with_certificates_or_not_at_all(study, tmp_path):
+    arguments = ("study", "sweep", study, "-o", tmp_path / "out")
+    for options in (
+        ("--tls", tmp_path),
+        ("--cluster", "tls://lab:1"),
+        ("--cluster", "tcp://lab:1", "--tls", tmp_path),
+    ):
+        assert "--tls FOLDER goes with --cluster tls://HOST:PORT" in refuse(*arguments, *options)
+    assert "lacks ca.pem" in refuse(*arguments, "--cluster", "tls://127.0.0.1:1", "--tls", tmp_path)

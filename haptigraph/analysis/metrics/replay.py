@@ -1,12 +1,15 @@
 """Replay a recording and compare it step by step, under its own procedure or another."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from pathlib import Path
 
 import msgspec
 from msgspec import Struct
 
 from haptigraph import assemble
+from haptigraph.analysis.metrics.differing import differing_parts
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
@@ -14,13 +17,23 @@ from haptigraph.importing import is_own, module_sha256
 from haptigraph.inference.coverage import unreported_notes
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Step
+from haptigraph.pipeline import Pipeline
 from haptigraph.recording.header import Losses
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.registered import BaseRegistration
 
-__all__ = ["Difference", "ReplayReport", "recorded_config", "recorded_registration", "replay", "replay_steps"]
+__all__ = [
+    "Difference",
+    "ReplayReport",
+    "recorded_config",
+    "recorded_procedure",
+    "recorded_registration",
+    "replay",
+    "replay_pipeline",
+    "replay_steps",
+]
 
 COMPARED = ("observation", "graph", "conclusion", "command")
 
@@ -33,6 +46,7 @@ class Difference(Struct, frozen=True):
     message: str
     """The first message of the step that differs."""
     recorded: str
+    """The parts of it that differ, in words."""
     replayed: str
 
 
@@ -42,6 +56,13 @@ class ReplayReport(Struct):
     steps: int = 0
     identical: int = 0
     first: Difference | None = None
+    states_differ: int = 0
+    """Steps with another surgical state."""
+    haptics_differ: int = 0
+    """Steps that command another pattern, or one with other settings."""
+    recorded_patterns: Counter[str] = msgspec.field(default_factory=Counter)
+    """Steps by the pattern that they command."""
+    replayed_patterns: Counter[str] = msgspec.field(default_factory=Counter)
     dropped_images: int = 0
     """Images that perception processed but the recording lacks; steps that depend on them may differ."""
     differing_images: int = 0
@@ -63,7 +84,7 @@ class ReplayReport(Struct):
 
 def replay(
     path: str | Path,
-    procedure: str | None = None,
+    procedure: str | Procedure | None = None,
     progress: Progress | None = None,
     watch: Callable[[Step, Step], None] | None = None,
 ) -> ReplayReport:
@@ -71,7 +92,7 @@ def replay(
 
     Args:
         path: The recording.
-        procedure: Another procedure to apply; None: the recorded one.
+        procedure: Another procedure to apply, or its name; None: the recorded one.
         progress: Called with the progress.
         watch: Called with every step, as recorded and as replayed.
 
@@ -79,13 +100,10 @@ def replay(
         BadInput: If recording or procedure cannot be used, or there is no complete step.
     """
     reader = RunReader(path)
-    steps, dropped_images = reader.count()
-    if not steps:
-        raise BadInput("has no complete step to replay", path)
+    steps = reader.count()[0] if progress is not None else 0
     applied = _procedure(reader, procedure)
     report = ReplayReport(
         notes=_notes(reader, applied),
-        dropped_images=dropped_images,
         is_whole=reader.is_whole,
         is_being_written=reader.is_being_written,
         losses=reader.losses,
@@ -94,28 +112,40 @@ def replay(
         recorded=RunMeasures.under(_procedure(reader, None)),
         replayed=RunMeasures.under(applied),
     )
-    start_ns = None
-    for recorded, replayed in replay_steps(reader, procedure):
+    start_ns, reader.dropped_images = None, 0
+    for recorded, replayed in replay_steps(reader, applied):
         start_ns = recorded.stamp_ns if start_ns is None else start_ns
         difference = _compare(report.steps, (recorded.stamp_ns - start_ns) / 1e9, recorded, replayed)
         report.steps += 1
         report.identical += difference is None
         report.first = report.first or difference
+        _count(report, recorded, replayed)
         report.recorded.add(recorded)
         report.replayed.add(replayed)
         if watch is not None:
             watch(recorded, replayed)
         if progress is not None:
             progress("replaying", report.steps, steps)
+    if not report.steps:
+        raise BadInput("has no complete step to replay", path)
     report.differing_images = reader.differing_images
+    report.dropped_images = reader.dropped_images
     return report
 
 
-def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tuple[Step, Step]]:
-    """Yield every recorded step with the step that the pipeline now makes of the same capture.
+def replay_steps(reader: RunReader, procedure: str | Procedure | None = None) -> Iterator[tuple[Step, Step]]:
+    """Yield every recorded step with the step that the pipeline now makes of the same capture."""
+    pipeline = replay_pipeline(reader, procedure)
+    for capture, recorded in reader.records():
+        yield recorded, pipeline.step(capture)
+
+
+def replay_pipeline(reader: RunReader, procedure: str | Procedure | None = None) -> Pipeline:
+    """Return the pipeline that replays a recording.
 
     Raises:
-        BadInput: If the recording was made without images, or with a perceiver that cannot be imported.
+        BadInput: If the recording has no images or its perceiver cannot be imported, or the procedure cannot
+            be used.
     """
     config = recorded_config(reader)
     perceiver = config.perception.perceiver
@@ -125,13 +155,7 @@ def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tu
         raise BadInput(
             f"was made without images (perceiver {perceiver}), so it cannot be replayed", reader.path
         )
-    pipeline = assemble.build_pipeline(
-        config,
-        recorded_registration(reader),
-        _procedure(reader, procedure),
-    )
-    for capture, recorded in reader.records():
-        yield recorded, pipeline.step(capture)
+    return assemble.build_pipeline(config, recorded_registration(reader), _procedure(reader, procedure))
 
 
 def recorded_config(reader: RunReader) -> Config:
@@ -146,19 +170,47 @@ def recorded_config(reader: RunReader) -> Config:
         raise BadInput(f"configuration in it cannot be read: {error}", reader.path) from None
 
 
+def recorded_procedure(path: str | Path) -> Procedure:
+    """Return the procedure of a recorded run.
+
+    Raises:
+        BadInput: If it cannot be read or is not valid.
+    """
+    return _procedure(RunReader(path), None)
+
+
 def recorded_registration(reader: RunReader) -> BaseRegistration:
     """Return the registration of a recorded run.
 
     Raises:
         BadInput: If it is not valid.
     """
-    return parse_registration(reader.info.registration, f"registration in {reader.path}")
+    try:
+        return _registration_of(reader.info.registration)
+    except BadInput as error:
+        raise BadInput(error.problem, f"registration in {reader.path}", error.place) from None
 
 
-def _procedure(reader: RunReader, name: str | None) -> Procedure:
-    if name:
-        return assemble.load_procedure(name)
-    return assemble.parse_procedure(reader.info.procedure, f"procedure in {reader.path}")
+def _procedure(reader: RunReader, given: str | Procedure | None) -> Procedure:
+    if isinstance(given, Procedure):
+        return given
+    if given:
+        return assemble.load_procedure(given)
+    try:
+        return _procedure_of(reader.info.procedure)
+    except BadInput as error:
+        raise BadInput(error.problem, f"procedure in {reader.path}", error.place) from None
+
+
+@lru_cache(maxsize=8)
+def _procedure_of(text: str) -> Procedure:
+    """Parse a procedure; the recordings of an archive have only a few."""
+    return assemble.parse_procedure(text, "procedure")
+
+
+@lru_cache(maxsize=8)
+def _registration_of(text: str) -> BaseRegistration:
+    return parse_registration(text, "registration")
 
 
 def _notes(reader: RunReader, procedure: Procedure) -> tuple[str, ...]:
@@ -195,9 +247,17 @@ def _own_note(reader: RunReader, perceiver: str) -> str:
     return f"perceiver {perceiver} is not part of haptigraph; {whether}"
 
 
+def _count(report: ReplayReport, recorded: Step, replayed: Step) -> None:
+    before, after = recorded.command.pattern.name, replayed.command.pattern.name
+    report.states_differ += recorded.conclusion.state != replayed.conclusion.state
+    report.haptics_differ += recorded.command.pattern != replayed.command.pattern
+    report.recorded_patterns[before] += 1
+    report.replayed_patterns[after] += 1
+
+
 def _compare(number: int, time_s: float, recorded: Step, replayed: Step) -> Difference | None:
     for message in COMPARED:
         before, after = (msgspec.json.encode(getattr(step, message)) for step in (recorded, replayed))
         if before != after:
-            return Difference(number, time_s, message, before.decode(), after.decode())
+            return Difference(number, time_s, message, *differing_parts(before, after))
     return None

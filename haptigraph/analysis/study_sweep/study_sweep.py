@@ -14,10 +14,11 @@ from typing import Any
 from msgspec import Struct
 
 from haptigraph.analysis.metrics.trial import measure_trial
-from haptigraph.analysis.study_sweep.cluster import spread
 from haptigraph.analysis.study_sweep.results import SweepResults
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.recording.writer import Progress
+from haptigraph.spreading.spread import spread
+from haptigraph.spreading.tasks import Cluster, Killed
 from haptigraph.study.plan import plan_of
 from haptigraph.study.protocol import Protocol
 from haptigraph.study.simulated.actions import TrialSpec, rehearse, trial_spec
@@ -108,7 +109,12 @@ def run_task(task: SweepTask) -> list[dict[str, Any]]:
 
 
 def run_sweep(
-    sweep: Sweep, folder: Path, *, workers: int = 1, scheduler: str = "", progress: Progress | None = None
+    sweep: Sweep,
+    folder: Path,
+    *,
+    workers: int = 1,
+    cluster: Cluster | None = None,
+    progress: Progress | None = None,
 ) -> tuple[list[dict[str, Any]], int]:
     """Simulate the participants whose results are missing in a folder.
 
@@ -116,7 +122,7 @@ def run_sweep(
         sweep: What is simulated.
         folder: Stores every result at once; created if it does not exist.
         workers: Number of processes on this machine.
-        scheduler: Address of a Dask cluster's scheduler, instead of this machine.
+        cluster: A Dask cluster to use instead of this machine.
         progress: Called with the number of complete participants.
 
     Returns:
@@ -124,6 +130,7 @@ def run_sweep(
 
     Raises:
         BadInput: If the folder contains results of a different sweep.
+        HaptigraphError: If a participant repeatedly killed the worker.
     """
     report = progress or (lambda what, done, total: None)
     folder.mkdir(parents=True, exist_ok=True)
@@ -140,9 +147,11 @@ def run_sweep(
         ]
         report("simulating participants", total - len(missing), total)
         tasks = (sweep.task(*each) for each in missing)
-        finished = spread(run_task, tasks, workers=workers, scheduler=scheduler) if missing else ()
+        finished = spread(run_task, tasks, workers=workers, cluster=cluster) if missing else ()
         for done, (task, trials) in enumerate(finished, 1):
-            _check_version(trials, scheduler)
+            if isinstance(trials, Killed):
+                raise HaptigraphError(f"participant {task.number + 1}: {trials.problem}")
+            _check_version(trials, cluster)
             results.add(task.variation.label, task.number, trials)
             report("simulating participants", total - len(missing) + done, total)
         rows = [row for each in sweep.variations for row in results.trials(each.label, sweep.participants)]
@@ -196,8 +205,8 @@ def _row(task: SweepTask, trial: TrialSpec, rehearsal: Rehearsal) -> dict[str, A
     }
 
 
-def _check_version(trials: list[dict[str, Any]], scheduler: str) -> None:
+def _check_version(trials: list[dict[str, Any]], cluster: Cluster | None) -> None:
     others = {str(row["software"]) for row in trials} - {__version__}
     if others:
         problem = f"its workers have haptigraph {others.pop()}, this is {__version__}; use the same version"
-        raise BadInput(problem, scheduler)
+        raise BadInput(problem, cluster.address if cluster else "")

@@ -1,6 +1,5 @@
 """Commands for simulated participants: study simulate, study sweep."""
 
-import os
 import time
 import warnings
 from pathlib import Path
@@ -8,16 +7,12 @@ from pathlib import Path
 import click
 
 from haptigraph.commands.help import examples
+from haptigraph.commands.spreading import cluster_of, cluster_options, usable_cores, workers_option
 from haptigraph.commands.study import STORE, folder_argument, store_option
 from haptigraph.commands.terminal import progress_bar, terminable
 from haptigraph.errors import MissingExtra, RenamedKey
 
 __all__ = ["simulate", "sweep"]
-
-
-def _usable_cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _current_name(ctx: click.Context, param: click.Parameter, value: str) -> str:
@@ -39,11 +34,6 @@ perceiver_option = click.option(
     default="ground-truth",
     show_default=True,
     help="How the needle is detected: as simulated, with the tracker's noise; or on rendered images.",
-)
-workers_option = click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    help="Parallel processes; one per core if not given. The results do not depend on it.",
 )
 
 
@@ -72,7 +62,7 @@ def simulate(
     start_s = time.perf_counter()
     with terminable(), progress_bar() as progress:
         count = participants or protocol.study.participants
-        done = simulate_study(spec, count, workers=workers or _usable_cores(), progress=progress)
+        done = simulate_study(spec, count, workers=workers or usable_cores(), progress=progress)
     wall_min = (time.perf_counter() - start_s) / 60
     steered_min = done.steered_s / 60
     click.echo(
@@ -95,9 +85,7 @@ def simulate(
 )
 @perceiver_option
 @workers_option
-@click.option(
-    "--scheduler", metavar="ADDRESS", default="", help="Of a Dask cluster, instead of this machine."
-)
+@cluster_options
 def sweep(
     folder: str,
     output: str,
@@ -106,7 +94,8 @@ def sweep(
     vary: tuple[str, ...],
     perceiver: str,
     workers: int | None,
-    scheduler: str,
+    cluster: str | None,
+    tls: str | None,
 ) -> None:
     """Simulate a study's trials with thousands of participants.
 
@@ -118,15 +107,20 @@ def sweep(
     try:
         from haptigraph.analysis.study_sweep.summary import markdown, sweep_summary, trials_table
     except ModuleNotFoundError:
-        raise MissingExtra("study sweep", "cluster") from None
+        raise MissingExtra("study sweep", "study") from None
     from haptigraph.study.protocol import load_protocol
 
     protocol = load_protocol(folder)
     spec = Sweep(protocol, participants, seed, variations_of(vary), perceiver)
     start_s = time.perf_counter()
     with terminable(), progress_bar() as progress:
-        count = workers or _usable_cores()
-        rows, done = run_sweep(spec, Path(output), workers=count, scheduler=scheduler, progress=progress)
+        rows, done = run_sweep(
+            spec,
+            Path(output),
+            workers=workers or usable_cores(),
+            cluster=cluster_of(cluster, tls),
+            progress=progress,
+        )
     wall_min = (time.perf_counter() - start_s) / 60
     trials = trials_table(rows)
     summary = sweep_summary(trials, [each.name for each in protocol.conditions])

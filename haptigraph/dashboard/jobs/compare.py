@@ -20,13 +20,9 @@ def compare(name: str, procedure_name: str) -> None:
     """Send the timeline of the recorded images under a procedure; empty: under the recorded one."""
     procedure = load_procedure(procedure_name) if procedure_name else recorded_settings(RunReader(name))[0]
     timeline = empty_timeline(procedure)
-    haptics_differ = state_differs = 0
 
     def watch(recorded: Step, replayed: Step) -> None:
-        nonlocal haptics_differ, state_differs
         timeline.add(replayed)
-        haptics_differ += recorded.command.pattern != replayed.command.pattern
-        state_differs += recorded.conclusion.state != replayed.conclusion.state
 
     progress = progress_reporter("replaying")
     report = replay(name, procedure_name or None, lambda _, done, total: progress(done, done, total), watch)
@@ -37,8 +33,8 @@ def compare(name: str, procedure_name: str) -> None:
         "measures": measures_json(report.replayed, timeline.start_ns),
         "steps": report.steps,
         "identical": report.identical,
-        "state_differs": state_differs,
-        "haptics_differ": haptics_differ,
+        "state_differs": report.states_differ,
+        "haptics_differ": report.haptics_differ,
         "dropped_images": report.dropped_images,
         "differing_images": report.differing_images,
     }

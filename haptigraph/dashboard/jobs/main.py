@@ -27,6 +27,7 @@ JOBS = {
     "compare": ("haptigraph.dashboard.jobs.compare:compare", 15),
     "csv": ("haptigraph.dashboard.jobs.export:export_csv", 15),
     "png": ("haptigraph.dashboard.jobs.export:export_png", 15),
+    "find": ("haptigraph.dashboard.jobs.find:find_recordings", 15),
     "register": ("haptigraph.dashboard.jobs.register:find_eye", 5),  # a run may wait for it
 }
 """Function, imported on demand because drawing takes seconds to load, and niceness of each job."""

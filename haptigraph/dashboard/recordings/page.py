@@ -32,6 +32,7 @@ def routes(site: Site) -> Sequence[BaseRoute]:
         Route("/recordings/list", json_errors(page.list_runs)),
         Route("/recordings/step", json_errors(page.step)),
         Route("/recordings/outcomes", page.outcomes),
+        Route("/recordings/find", page.find),
         Route("/recordings/{job}", page.job),
     ]
 
@@ -53,12 +54,20 @@ class _Recordings:
         """Measure runs of the list, and cache the results."""
         return _stream(self._outcomes(request.query_params.getlist("name")))
 
+    async def find(self, request: Request) -> Response:
+        """Find recordings in the archive; the values of the form are bound, never part of a query's text."""
+        return _stream(self._find(request.query_params.get("filter", "{}")))
+
     async def job(self, request: Request) -> Response:
         job = request.path_params["job"]
         if job not in RUN_JOBS:
             return json_response({"problem": f"unknown job {job!r}; valid: {', '.join(RUN_JOBS)}"}, 404)
         arguments = [request.query_params["procedure"]] if "procedure" in request.query_params else []
         return _stream(self._job(job, request.query_params.get("name", ""), arguments))
+
+    async def _find(self, fields: str) -> AsyncIterator[bytes]:
+        async for content, data in self._jobs.run("find", fields):
+            yield pack_message(content, data)
 
     async def _outcomes(self, names: list[str]) -> AsyncIterator[bytes]:
         identities = dict[str, Identity]()

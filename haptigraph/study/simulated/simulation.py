@@ -4,12 +4,9 @@ Participants who are complete stay; the others are simulated. The results depend
 number of processes.
 """
 
-import signal
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
-from multiprocessing import active_children, get_context
+from functools import partial
 
 from msgspec import Struct
 from sqlalchemy import select
@@ -17,6 +14,8 @@ from sqlalchemy import select
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.recording.journal import not_being_written
 from haptigraph.recording.writer import Progress
+from haptigraph.spreading.spread import spread
+from haptigraph.spreading.tasks import Killed
 from haptigraph.study.plan import Stage
 from haptigraph.study.protocol import FILE, Protocol
 from haptigraph.study.roster import Study
@@ -53,6 +52,7 @@ def simulate(
     Raises:
         BadInput: If the protocol allows fewer, or the study has people, was simulated with other settings, or
             is being simulated.
+        HaptigraphError: If a participant repeatedly killed the worker.
     """
     problem = "is being simulated by another program; wait for it, or end it"
     with not_being_written(spec.protocol().folder / FILE, problem):
@@ -70,22 +70,12 @@ def _simulated(spec: SimulationSpec, numbers: list[int], workers: int) -> Iterat
     if workers == 1 or len(numbers) < 2:
         yield from (simulate_participant(spec, number) for number in numbers)
         return
-    context = get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(numbers)), context, _ignore_ctrl_c) as pool:
-        try:
-            futures = [pool.submit(simulate_participant, spec, number) for number in numbers]
-            for future in as_completed(futures):
-                yield future.result()
-        except BrokenProcessPool:
-            raise HaptigraphError("a worker process was killed; run the same again to resume") from None
-        except BaseException:
-            for process in active_children():
-                process.terminate()
-            raise
-
-
-def _ignore_ctrl_c() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process ends its workers
+    for number, done in spread(
+        partial(simulate_participant, spec), numbers, workers=min(workers, len(numbers))
+    ):
+        if isinstance(done, Killed):
+            raise HaptigraphError(f"participant {pseudonym(number)}: {done.problem}")
+        yield done
 
 
 def _enrol(spec: SimulationSpec, count: int) -> list[int]:

@@ -3,8 +3,6 @@
 import os
 import pickle
 import signal
-import subprocess
-import sys
 from contextlib import closing
 from multiprocessing import active_children
 
@@ -18,6 +16,7 @@ from haptigraph.analysis.study_sweep.results import SweepResults
 from haptigraph.analysis.study_sweep.study_sweep import AS_DRAWN, Sweep, run_sweep, run_task, variations_of
 from haptigraph.analysis.study_sweep.summary import markdown, sweep_summary, trials_table
 from haptigraph.errors import BadInput
+from haptigraph.spreading.tasks import Cluster
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.simulated.participant import draw_participant
 
@@ -102,11 +101,13 @@ def test_a_killed_worker_loses_no_result_and_stored_results_are_reused(quick, tm
 def test_a_cluster_is_used_by_its_address_and_must_have_the_same_version(quick, tmp_path, monkeypatch):
     settings = {"n_workers": 1, "processes": False, "dashboard_address": "127.0.0.1:0", "silence_logs": 50}
     with LocalCluster(**settings) as cluster:
-        rows, count = run_sweep(Sweep(quick, 1, 1), tmp_path / "a", scheduler=cluster.scheduler_address)
+        rows, count = run_sweep(
+            Sweep(quick, 1, 1), tmp_path / "a", cluster=Cluster(cluster.scheduler_address)
+        )
         assert (count, rows) == (1, run_task(Sweep(quick, 1, 1).task(AS_DRAWN, 0)))
         monkeypatch.setattr(study_sweep, "run_task", lambda task: [{**rows[0], "software": "0.0.9"}])
         with pytest.raises(BadInput, match=r"its workers have haptigraph 0\.0\.9, this is "):
-            run_sweep(Sweep(quick, 1, 1), tmp_path / "b", scheduler=cluster.scheduler_address)
+            run_sweep(Sweep(quick, 1, 1), tmp_path / "b", cluster=Cluster(cluster.scheduler_address))
 
 
 def results_of(sweep, path):
@@ -148,9 +149,9 @@ def test_a_file_without_results_is_refused_and_not_modified(quick, tmp_path):
 
 
 def test_a_cluster_that_does_not_respond_is_reported(quick, tmp_path, monkeypatch):
-    monkeypatch.setattr("haptigraph.analysis.study_sweep.cluster.TIMEOUT_S", 0.2)
+    monkeypatch.setattr("haptigraph.spreading.cluster.TIMEOUT_S", 0.2)
     with pytest.raises(BadInput, match=r"tcp://127\.0\.0\.1:1: no scheduler responds"):
-        run_sweep(Sweep(quick, 1, 1), tmp_path, scheduler="tcp://127.0.0.1:1")
+        run_sweep(Sweep(quick, 1, 1), tmp_path, cluster=Cluster("tcp://127.0.0.1:1"))
 
 
 def test_the_summary_compares_with_the_first_condition_and_counts_people():
@@ -180,9 +181,3 @@ def test_the_summary_compares_with_the_first_condition_and_counts_people():
     table = markdown(summary)
     assert table.startswith("SIMULATED") and "+2.00" in table
     assert not pd.isna(time["needed"])
-
-
-def test_without_dask_the_error_names_the_extra():
-    code = "import sys; sys.modules['distributed'] = None\nimport haptigraph.analysis.study_sweep.study_sweep"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "pip install 'haptigraph[cluster]'" in done.stderr

@@ -3,6 +3,7 @@
 import http.client
 import json
 import os
+import shutil
 from pathlib import Path
 from urllib.parse import urlencode
 
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from live_bench import Live
 from paths import DATA
 
+from haptigraph.analysis.archive.index import update_archive
 from haptigraph.analysis.metrics.timeline import Timeline
 from haptigraph.assemble import procedure_names
 from haptigraph.dashboard.recordings.folder import RecordingFolder
@@ -181,3 +183,24 @@ def test_a_run_of_volumes_replays_identically_and_is_shown_in_three_sections(qui
     assert header["found"]["ilm"]["type"] == "polyline"
     picture = cv2.imdecode(np.frombuffer(message[4 + length :], np.uint8), cv2.IMREAD_UNCHANGED)
     assert picture.shape == (720, 720) and picture.std() > 20
+
+
+def test_recordings_are_found_in_the_archive_of_the_folder(quick_uri, recordings, tmp_path):
+    folder = Path(shutil.copytree(recordings, tmp_path / "recordings", symlinks=True))
+    with Live(quick_uri, "--recordings", folder) as live:
+        ((content, _),) = messages(get(live, "/recordings/find")[1])
+        assert "has no archive; create one with `haptigraph archive" in content["problem"]
+        update_archive(folder)
+        ((content, _),) = messages(get(live, "/recordings/find", filter='{"state": "target_hit"}')[1])
+        steps = [step for _, step in RunReader(folder / "quick.mcap").records(images=())]
+        first = next(number for number, step in enumerate(steps) if step.conclusion.state == "target_hit")
+        assert [(row["recording"], row["first_step"]) for row in content["rows"]] == [
+            ("p08/again.mcap", first), ("quick.mcap", first),
+        ]  # fmt: skip
+        assert content["is_complete"] and content["note"] == ""
+        for fields, problem in (
+            ("{", "filter: Input data was truncated"),
+            ('{"conditions": [{"measure": "1 or true", "way": "above", "value": 1}]}', "unknown measure"),
+        ):
+            ((content, _),) = messages(get(live, "/recordings/find", filter=fields)[1])
+            assert problem in content["problem"]

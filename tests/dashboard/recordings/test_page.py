@@ -2,6 +2,7 @@
 
 import csv
 import io
+import shutil
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from live_bench import Live, close_page, evaluate, until
 
+from haptigraph.analysis.archive.index import update_archive
 from haptigraph.analysis.metrics.replay import replay
 from haptigraph.analysis.metrics.run import measure_run
 from haptigraph.analysis.plots.figures import run_figure
@@ -287,4 +289,36 @@ def test_a_deleted_recording_is_reported(quick_uri, open_page, recordings, tmp_p
         page.keyboard.press("End")
         page.wait_for_selector("#problem:has-text('copy.mcap: does not exist (any more)')")
         page.problems.clear()  # the browser logs the refused request
+        close_page(page)
+
+
+def test_an_address_names_a_step_and_a_procedure_to_compare_with(archive, open_page):
+    address = f"{archive.url}recordings#quick.mcap?step=40&with=wide.toml"
+    page = open_page(address, module=MODULE, ready="document.body.dataset.step === '40'")
+    assert "With wide.toml the state differs in" in page.inner_text("#verdict")
+    assert "step 40 of" in page.inner_text("#now")
+
+
+def test_the_form_finds_recordings_and_links_to_the_first_step(quick_uri, open_page, recordings, tmp_path):
+    folder = Path(shutil.copytree(recordings, tmp_path / "recordings", symlinks=True))
+    update_archive(folder)
+    with Live(quick_uri, "--recordings", folder) as live:
+        page = open_list(open_page, live)
+        page.click("#finder summary")
+        page.fill("#find-form [name=measure] >> nth=0", "theta_deg")
+        page.fill("#find-form [name=value] >> nth=0", "5")
+        page.fill("#find-form [name=measure] >> nth=1", "distance_to_retina_mm")
+        page.fill("#find-form [name=value] >> nth=1", "3")
+        page.click("#find-form button")
+        page.wait_for_selector("#found a")
+        assert page.inner_text("#found-count") == "3 recordings"
+        steps = [step for _, step in RunReader(folder / "quick.mcap").records(images=())]
+        first = next(
+            number
+            for number, step in enumerate(steps)
+            if step.graph.measures.get("theta_deg", 0) > 5
+            and step.graph.measures["distance_to_retina_mm"] < 3
+        )
+        page.click("#found a:text-is('quick.mcap')")
+        wait_for_step(page, first)
         close_page(page)

@@ -2,6 +2,7 @@
 
 import { $, make, showOrHide } from "../common/dom.js";
 import { Events, showMeasures } from "./summary.js";
+import { beginFinder } from "./finder.js";
 import { Moment } from "./moment.js";
 import { Player } from "./player.js";
 import { Run } from "./run.js";
@@ -18,20 +19,34 @@ const events = new Events((number) => { player.pause(); player.seek(number); });
 export const page = { run: /** @type {RecordedRun | null} */ (null), moment, timeline, player };
 /** Aborts the job that runs for this page. @type {AbortController | null} */ let job = null;
 
-/** Show the run that the address names, or the list. */
+/** Show what the address names, #NAME?step=NUMBER&with=PROCEDURE: a run, a step, a comparison; or the list. */
 async function navigate() {
   job?.abort();
   complain(null);
-  const name = decodeURIComponent(location.hash.slice(1));
+  const [address, query] = location.hash.slice(1).split("?"), name = decodeURIComponent(address), given = new URLSearchParams(query);
   $("list").hidden = Boolean(name);
   $("run").hidden = !name;
   page.run = player.run = null;
   player.pause();
   delete document.body.dataset.step;
-  if (name) { list.stop(); await open(name); return; }
+  if (name) { list.stop(); await open(name); await follow(given); return; }
   document.title = "haptigraph · recordings";
   $("source").textContent = $("procedure").textContent = "";
   await list.load().catch(complain);
+}
+
+/** Show the step of an address, and compare with its procedure. @param {URLSearchParams} given */
+async function follow(given) {
+  const { run } = page, procedure = given.get("with");
+  if (!run) return;
+  if (procedure) await compareWith(run, procedure);
+  if (given.has("step")) player.seek(Number(given.get("step")));
+}
+
+/** Replay the run under a procedure, and show both. @param {RecordedRun} run @param {string} procedure */
+async function compareWith(run, procedure) {
+  compare(run, null);
+  await runJob("Replaying", "compare", { name: moment.name, procedure }, (content, bytes) => compare(run, new Run(content, bytes, content.state_descriptions)));
 }
 
 async function open(/** @type {string} */ name) {
@@ -150,10 +165,8 @@ $("stop").addEventListener("click", () => job?.abort());
 $("csv").addEventListener("click", () => save("csv", "text/csv"));
 $("png").addEventListener("click", () => save("png", "image/png"));
 $("compare").addEventListener("click", () => {
-  const { run } = page, procedure = $("other").value;
-  if (!run) return;
-  compare(run, null);
-  runJob("Replaying", "compare", { name: moment.name, procedure }, (content, bytes) => compare(run, new Run(content, bytes, content.state_descriptions)));
+  if (page.run) compareWith(page.run, $("other").value);
 });
+beginFinder(complain);
 addEventListener("hashchange", navigate);
 navigate();

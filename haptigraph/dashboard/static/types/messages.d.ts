@@ -77,6 +77,11 @@ interface RunRow {
   participant: string, trial: string, is_whole: boolean, is_being_written: boolean, problem: string,
   outcome: Outcome | null,
 }
+interface FoundRow {
+  recording: string, started_utc: string | null, procedure: string | null, participant: string | null,
+  outcome: string | null, problem: string, first_step: number | null,
+}
+interface Found { rows: FoundRow[], is_complete: boolean, note: string }
 interface RunListing { folder: string, runs: RunRow[], left_out: number, procedures: string[] }
 interface FaultSpan { first: number, last: number, where: string, message: string }
 type ColumnType = "f8" | "f4" | "u2";

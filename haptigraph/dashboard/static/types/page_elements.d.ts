@@ -3,7 +3,7 @@
 type PageElements =
   & Record<"about" | "amplitude" | "answered" | "axes" | "banner" | "because" | "buttons" | "calibration" | "calibration-count" | "calibration-result" | "calibration-status" |
     "calibration-text" | "calibration-title" | "clock" | "clutch" |
-    "consequence" | "depth" | "detail" | "doing" | "empty" | "events" | "exists-title" | "fault" | "feels" | "folder" |
+    "consequence" | "depth" | "detail" | "doing" | "found-count" | "empty" | "events" | "exists-title" | "fault" | "feels" | "folder" |
     "hand" | "health" | "help" | "holder" | "idle" | "in-space" | "instead" | "items" | "jaws" | "lanes" | "list" | "monitor"
     | "name" | "no-picture" | "note" | "notes" | "now" | "pad" | "participant" | "picture-panel" | "places" |
     "plan" | "problem" | "procedure" | "question" | "questionnaire-intro" | "questionnaire-source" |
@@ -18,12 +18,12 @@ type PageElements =
   & Record<"loupe" | "timeline" | "traces" | "view", HTMLCanvasElement>
   & Record<"ask" | "exists" | "mapping", HTMLDialogElement>
   & Record<"anatomy" | "choices" | "learn" | "outputs" | "overlays" | "phases", HTMLFieldSetElement>
-  & Record<"enrol" | "note-form" | "open" | "questionnaire" | "save", HTMLFormElement>
+  & Record<"enrol" | "find-form" | "note-form" | "open" | "questionnaire" | "save", HTMLFormElement>
   & Record<"image", HTMLImageElement>
   & Record<"diameter" | "filter" | "mirrored" | "path" | "picture" | "pseudonym" | "scale" | "source-input" |
     "together" | "tremor", HTMLInputElement>
   & Record<"done" | "progress", HTMLProgressElement>
   & Record<"other" | "which", HTMLSelectElement>
-  & Record<"actions" | "measures" | "measures-head" | "rows" | "runs", HTMLTableSectionElement>
+  & Record<"actions" | "found" | "measures" | "measures-head" | "rows" | "runs", HTMLTableSectionElement>
   & Record<"note-text" | "reason", HTMLTextAreaElement>
   & Record<"diagram" | "graph" | "icon" | "overlay", SVGSVGElement>;

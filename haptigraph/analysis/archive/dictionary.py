@@ -1,0 +1,70 @@
+"""The tables of an archive: name, type, unit and meaning of every column."""
+
+from typing import Literal, NamedTuple, TypeAlias
+
+__all__ = ["RUNS", "STEPS", "Column", "unit_of"]
+
+Kind: TypeAlias = Literal["text", "integer", "number", "yes_no", "time", "numbers", "integers"]
+UNITS = {"s": "s", "ms": "ms", "ns": "ns", "mm": "mm", "um": "µm", "deg": "°", "hz": "Hz", "percent": "%"}
+
+
+class Column(NamedTuple):
+    """One column; `numbers` and `integers` are maps from names to values."""
+
+    name: str
+    kind: Kind
+    meaning: str
+    unit: str = ""
+
+
+RUNS = (
+    Column("recording", "text", "path of the file in the archive"),
+    Column("sha256", "text", "of the file"),
+    Column("bytes", "integer", "size of the file", "B"),
+    Column("changed_ns", "integer", "when the file was changed, since 1970", "ns"),
+    Column("problem", "text", "why it cannot be read; empty: it can"),
+    Column("started_utc", "time", "when the run began"),
+    Column("length_s", "number", "from the first to the last step", "s"),
+    Column("steps", "integer", "number of steps"),
+    Column("rate_hz", "number", "nominal rate of images", "Hz"),
+    Column("version", "text", "of haptigraph that wrote it"),
+    Column("format", "text", "of the recording"),
+    Column("source", "text", "where the images came from"),
+    Column("perceiver", "text", "what detected the needle"),
+    Column("procedure", "text", "name of the procedure"),
+    Column("procedure_sha256", "text", "of the procedure's text"),
+    Column("registration_sha256", "text", "of the registration's text"),
+    Column("participant", "text", "pseudonym; empty: none"),
+    Column("trial", "text", "name of the trial; empty: none"),
+    Column("is_interrupted", "yes_no", "the run was killed; `haptigraph recover` completes the file"),
+    Column("is_recovered", "yes_no", "recovered from a damaged recording, so that steps may be missing"),
+    Column("outcome", "text", "hit, no hit, or no run: it never started"),
+    Column("completion_s", "number", "from the start of the run to its end; empty without a hit", "s"),
+    Column("mean_theta_deg", "number", "mean angle from start to end, weighted by time", "°"),
+    Column("contacts", "integer", "unintended contacts from start to end"),
+    Column("state_changes", "integer", "from start to end"),
+    Column("alarms", "integer", "how often a state of the kind alarm was entered, in the whole recording"),
+    Column("tipless_steps", "integer", "steps with a needle whose tip was not visible"),
+    Column("longest_tipless_s", "number", "longest time without a visible tip", "s"),
+    Column("broken_claims", "integer", "how often a claim about time was broken"),
+    Column("faulty_steps", "integer", "steps with a fault"),
+    Column("faults", "integers", "number of faults by their place"),
+    Column("run_state_s", "numbers", "time in each state from start to end", "s"),
+    Column("state_s", "numbers", "time in each state in the whole recording", "s"),
+    Column("part", "text", "the file of the archive that has its steps"),
+)
+STEPS = (
+    Column("recording", "text", "path of the file in the archive"),
+    Column("step", "integer", "number in the recording, from 0"),
+    Column("time_s", "number", "since the first step", "s"),
+    Column("state", "text", "the surgical state"),
+    Column("plays", "text", "the pattern commanded"),
+    Column("amplitude", "number", "commanded at that moment, 0 to 1"),
+    Column("faults", "integer", "number of faults"),
+)
+"""Followed by a column for each measure of the procedures, named as in them."""
+
+
+def unit_of(measure: str) -> str:
+    """Return the unit that the name of a measure ends in."""
+    return UNITS.get(measure.rpartition("_")[2], "")

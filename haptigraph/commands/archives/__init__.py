@@ -1,0 +1,1 @@
+"""Commands for many recordings: archive, query, batch."""

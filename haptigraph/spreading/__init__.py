@@ -1,0 +1,1 @@
+"""Spread work over processes of this machine, or over the workers of a Dask cluster."""

@@ -1,0 +1,107 @@
+"""The index: what it says of each recording, and that it follows the folder."""
+
+import os
+import shutil
+
+import pytest
+
+from haptigraph.analysis.archive.index import update_archive
+from haptigraph.analysis.archive.query import query_archive, staleness
+from haptigraph.analysis.archive.tables import Archive
+from haptigraph.analysis.metrics.run import measure_run
+from haptigraph.checksum import sha256_of
+from haptigraph.errors import BadInput
+from haptigraph.recording.journal import not_being_written
+from haptigraph.recording.reader import RunReader
+
+pytestmark = pytest.mark.usefixtures("in_this_process")
+NAMES = [f"P{number:02}/run-{40 * (number - 1):04}.mcap" for number in range(1, 5)]
+
+
+def rows(folder, sql):
+    return query_archive(folder, sql).rows
+
+
+def test_a_row_has_header_hash_outcome_and_times(folder):
+    updated = update_archive(folder)
+    assert (updated.indexed, updated.unchanged, updated.removed) == (5, 0, 0)
+    ((name, problem),) = updated.damaged
+    assert name == "damaged.mcap" and "damaged" in problem
+    steps = [step for _, step in RunReader(folder / NAMES[0]).records(images=())]
+    measures = measure_run(steps)
+    columns = (
+        "sha256, steps, outcome, completion_s, contacts, participant, procedure, problem, is_interrupted"
+    )
+    (row,) = rows(folder, f"select {columns} from runs where recording = '{NAMES[0]}'")
+    assert row == (
+        sha256_of(folder / NAMES[0]), 117, "hit", measures.completion_s, measures.contacts, "P01",
+        "subretinal_injection", "", False,
+    )  # fmt: skip
+    ((states,),) = rows(folder, f"select state_s from runs where recording = '{NAMES[0]}'")
+    assert states == measures.all_state_s
+    ((hits,),) = rows(folder, "select count(*) from runs where outcome = 'no hit'")
+    assert hits == 3  # the shorter ones end before it
+
+
+def test_steps_are_those_of_the_recordings(folder):
+    update_archive(folder)
+    steps = [step for _, step in RunReader(folder / NAMES[1]).records(images=())]
+    sql = f"select step, state, theta_deg from steps where recording = '{NAMES[1]}' order by step"
+    assert rows(folder, sql) == [
+        (number, step.conclusion.state, step.graph.measures.get("theta_deg"))
+        for number, step in enumerate(steps)
+    ]
+
+
+def test_an_update_reads_only_what_has_changed_and_erases_what_is_gone(folder):
+    update_archive(folder)
+    assert update_archive(folder).indexed == 0
+    os.utime(folder / NAMES[0])
+    (folder / NAMES[1]).unlink()
+    assert staleness(folder).startswith("1 recordings are new or changed and 1 recordings are gone since")
+    updated = update_archive(folder)
+    assert (updated.indexed, updated.unchanged, updated.removed) == (1, 3, 1)
+    assert staleness(folder) == ""
+    counts = dict(rows(folder, "select recording, count(*) from steps group by recording"))
+    assert counts == {NAMES[0]: 117, NAMES[2]: 77, NAMES[3]: 57}
+    for part in Archive(folder).place.glob("steps-*"):
+        assert NAMES[1].encode() not in part.read_bytes()
+
+
+def test_a_part_that_a_killed_update_left_does_not_count(folder):
+    update_archive(folder)
+    place = Archive(folder).place
+    (part,) = place.glob("steps-*.parquet")
+    (place / "steps-000099.parquet").write_bytes(part.read_bytes())
+    assert rows(folder, "select count(*) from steps") == [(117 + 97 + 77 + 57,)]
+    update_archive(folder)
+    assert [file.name for file in place.glob("steps-*.parquet")] == [part.name]
+
+
+def test_recordings_outside_the_folder_are_left_out(folder, tmp_path):
+    (folder / "outside.mcap").symlink_to(tmp_path / "elsewhere.mcap")
+    (tmp_path / "elsewhere.mcap").write_bytes((folder / NAMES[0]).read_bytes())
+    assert update_archive(folder).indexed == 5
+
+
+def test_only_one_program_updates(folder):
+    update_archive(folder)
+    with not_being_written(folder / "archive" / "lock"), pytest.raises(BadInput, match="is being updated"):
+        update_archive(folder)
+
+
+def test_an_index_that_cannot_be_read_is_named(folder):
+    update_archive(folder)
+    (folder / "archive" / "runs.parquet").write_bytes(b"no table")
+    with pytest.raises(BadInput, match=r"runs\.parquet: cannot be read .* delete it"):
+        update_archive(folder)
+
+
+def test_more_workers_make_the_same_archive(folder, tmp_path, monkeypatch):
+    update_archive(folder)
+    other = tmp_path / "other"
+    shutil.copytree(folder, other, ignore=shutil.ignore_patterns("archive"))
+    monkeypatch.undo()
+    update_archive(other, workers=2)
+    for sql in ("from runs order by recording", "from steps order by recording, step"):
+        assert rows(other, sql) == rows(folder, sql)

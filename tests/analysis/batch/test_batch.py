@@ -1,0 +1,136 @@
+"""Batches: every recording once, whatever happens meanwhile, and a report that says what a replay says."""
+
+import csv
+import os
+import signal
+from contextlib import closing
+from multiprocessing import active_children
+
+import pytest
+from haptigraph.analysis.metrics.export import run_csv
+from helpers import make_step
+
+from haptigraph.analysis.batch.batch import Batch, open_results, run_batch
+from haptigraph.analysis.batch.replaying import Moments
+from haptigraph.analysis.batch.report import write_report
+from haptigraph.analysis.metrics.replay import replay
+from haptigraph.errors import BadInput
+
+NAMES = ["P01/run-0000.mcap", "P02/run-0040.mcap", "P03/run-0080.mcap", "P04/run-0120.mcap"]
+
+
+@pytest.fixture
+def wide(procedure, tmp_path):
+    path = tmp_path / "wide.toml"
+    path.write_text(procedure.text.replace("= 1.7", "= 4.0"))
+    return str(path)
+
+
+def rows_of(batch):
+    with closing(open_results(batch)) as results:
+        return [row[:3] for row in results.rows()]
+
+
+def test_a_batch_replays_each_recording_as_replay_does(folder, wide, tmp_path):
+    batch = Batch("replay", folder, tmp_path / "out", wide)
+    reports = []
+    ran = run_batch(batch, workers=2, progress=lambda *report: reports.append(report))
+    assert (ran.now, ran.before) == (5, 0)
+    assert reports == [("replaying", done, 5) for done in range(6)]
+    rows = {name: (problem, result) for name, problem, result in rows_of(batch)}
+    assert "damaged" in rows.pop("damaged.mcap")[0]
+    assert list(rows) == NAMES
+    for name, (problem, result) in rows.items():
+        report = replay(folder / name, wide)
+        assert problem == ""
+        assert result["steps"] == report.steps
+        assert result["states_differ"] == report.states_differ > 0
+        assert result["haptics_differ"] == report.haptics_differ
+        assert result["replayed"]["state_s"] == report.replayed.all_state_s
+    lines = write_report(batch, "http://127.0.0.1:1")
+    assert lines[0] == "4 recordings, 1 passed over"
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "http://127.0.0.1:1/recordings#P01%2Frun-0000.mcap?step=" in page
+    assert "copy wide.toml into the folder of recordings" in page
+    with (tmp_path / "out" / "recordings.csv").open(newline="") as file:
+        table = {row["recording"]: row for row in csv.DictReader(file)}
+    assert list(table) == [*NAMES, "damaged.mcap"]
+    assert table[NAMES[0]]["states_differ"] == str(rows[NAMES[0]][1]["states_differ"])
+
+
+def test_killed_workers_and_interruptions_lose_nothing_and_repeat_nothing(
+    folder, tmp_path, in_this_process, monkeypatch
+):
+    whole = Batch("replay", folder, tmp_path / "whole")
+    run_batch(whole)
+    monkeypatch.undo()
+    broken = Batch("replay", folder, tmp_path / "broken")
+
+    def kill(what, done, total):
+        if done == 1:
+            os.kill(active_children()[0].pid, signal.SIGKILL)
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(broken, workers=2, progress=kill)
+    ran = run_batch(broken, workers=2)
+    assert (ran.now, ran.before) == (2, 3)
+    assert rows_of(broken) == rows_of(whole)
+    assert all(result["identical"] == result["steps"] for _, problem, result in rows_of(whole) if not problem)
+    assert run_batch(broken).now == 0
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_what_has_changed_is_done_again_and_what_is_gone_is_removed(folder, tmp_path):
+    batch = Batch("measure", folder, tmp_path / "out")
+    run_batch(batch)
+    assert rows_of(batch)[0][2]["contacts"] == 1
+    os.utime(folder / NAMES[0])
+    (folder / NAMES[1]).unlink()
+    assert run_batch(batch).now == 1
+    assert [row[0] for row in rows_of(batch)] == [NAMES[0], *NAMES[2:], "damaged.mcap"]
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_results_of_another_batch_are_not_mixed(folder, wide, tmp_path):
+    run_batch(Batch("measure", folder, tmp_path / "out"))
+    with pytest.raises(BadInput, match="results of another batch: kind was measure, is replay now"):
+        run_batch(Batch("replay", folder, tmp_path / "out", wide))
+    with pytest.raises(BadInput, match="is no folder"):
+        run_batch(Batch("measure", folder / "none", tmp_path / "out"))
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_an_export_writes_the_table_of_each_recording(folder, tmp_path):
+    batch = Batch("export", folder, tmp_path / "out")
+    run_batch(batch)
+    run_csv(folder / NAMES[0], tmp_path / "expected.csv")
+    assert (tmp_path / "out" / NAMES[0]).with_suffix(".csv").read_bytes() == (
+        tmp_path / "expected.csv"
+    ).read_bytes()
+    assert not (tmp_path / "out" / "damaged.csv").exists()
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_perception_is_scored_with_the_ground_truth(folder, tmp_path):
+    batch = Batch("evaluate", folder, tmp_path / "out")
+    run_batch(batch)
+    result = rows_of(batch)[0][2]
+    assert result["images"] > 60
+    assert result["tips"] == len(result["tip_errors_mm"]) > 0.9 * result["images"]
+    assert sorted(result["tip_errors_mm"])[result["tips"] // 2] < 0.15
+    assert "tip error [mm]" in "\n".join(write_report(batch, ""))
+
+
+def test_alarms_are_gained_or_lost_only_without_any_in_the_other_run():
+    kinds = {"calm": "neutral", "contact": "alarm"}
+    moments = Moments(kinds, kinds)
+    recorded = ["calm", "contact", "contact", "calm", "calm", "contact", "calm", "calm"]
+    replayed = ["calm", "calm", "contact", "contact", "calm", "calm", "calm", "contact"]
+    for number, states in enumerate(zip(recorded, replayed, strict=True)):
+        moments.add(*(make_step(stamp_ns=number * 10**9, state=state) for state in states))
+    found = moments.found()
+    assert found["alarms_gained"] == [{"step": 7, "time_s": 7.0, "state": "contact"}]
+    assert found["alarms_lost"] == [{"step": 5, "time_s": 5.0, "state": "contact"}]
+    assert [(each["step"], each["steps"]) for each in found["changes"]] == [(1, 1), (3, 1), (5, 1), (7, 1)]

@@ -1,0 +1,65 @@
+"""The commands archive, query and batch."""
+
+import csv
+import io
+import shutil
+
+import pytest
+from helpers import call, refuse
+
+
+@pytest.fixture(scope="module")
+def folder(quick_uri, tmp_path_factory):
+    """A folder with a recording and a file that is none."""
+    folder = tmp_path_factory.mktemp("recordings")
+    assert call("run", quick_uri, "--fast", "--record", folder / "run.mcap").exit_code == 0
+    (folder / "notes.mcap").write_text("Remember the milk.")
+    return folder
+
+
+def test_an_archive_is_indexed_and_queried(folder):
+    text = call("archive", folder, "--workers", 1).output
+    assert "2 recordings indexed, 0 unchanged, 0 removed" in text
+    assert "cannot be read: notes.mcap: not a recording" in text
+    assert "0 recordings indexed, 2 unchanged" in call("archive", folder).output
+    table = call(
+        "query", "--archive", folder, "select recording, outcome, steps from runs order by steps"
+    ).stdout
+    lines = table.splitlines()
+    assert lines[0].split() == ["recording", "outcome", "steps"]
+    assert lines[2].split() == ["run.mcap", "hit", "117"]
+    assert lines[-1] == "(2 rows)"
+    text = call(
+        "query", "--archive", folder, "--csv", "select recording, steps from runs where steps > 0"
+    ).stdout
+    assert list(csv.reader(io.StringIO(text))) == [["recording", "steps"], ["run.mcap", "117"]]
+
+
+def test_a_query_says_that_the_index_is_out_of_date(folder, tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("archive"))
+    call("archive", copy, "--workers", 1)
+    shutil.copy(copy / "run.mcap", copy / "new.mcap")
+    result = call("query", "--archive", copy, "select count(*) from runs")
+    assert "1 recordings are new or changed since the index was made" in result.stderr
+
+
+def test_refusals_are_one_sentence(folder, tmp_path):
+    assert "has no archive" in refuse("query", "--archive", tmp_path, "select 1")
+    assert "one SELECT statement" in refuse("query", "--archive", folder, "drop view runs")
+    assert "is no folder" in refuse("archive", tmp_path / "none")
+    assert "--procedure goes with replay" in refuse(
+        "batch", "measure", folder, "-o", tmp_path / "a", "--procedure", "x"
+    )
+    assert "unknown procedure" in refuse("batch", "replay", folder, "-o", tmp_path / "b", "--procedure", "x")
+
+
+def test_a_batch_reports_and_is_resumed(folder, tmp_path):
+    arguments = ("batch", "replay", folder, "-o", tmp_path / "out", "--workers", 1)
+    text = call(*arguments, "--page", "http://lab:1").output
+    assert "2 recordings now" in text and "1 recordings, 1 passed over" in text
+    assert "states differ in 0 of 117 steps, haptic output in 0; 117 steps are identical" in text
+    assert "haptigraph live --recordings" in text
+    assert "0 recordings now" in call(*arguments).output
+    assert "Remember" not in (tmp_path / "out" / "report.html").read_text()
+    assert (tmp_path / "out" / "recordings.csv").is_file()
