@@ -7,7 +7,7 @@ from contextlib import closing
 from multiprocessing import active_children
 
 import pytest
-from haptigraph.analysis.metrics.export import run_csv
+from haptigraph.analysis.exporting.csv_table import run_csv
 from helpers import make_step
 
 from haptigraph.analysis.batch.batch import Batch, open_results, run_batch
