@@ -24,9 +24,10 @@ A4_MM = (297.0, 210.0)
 SCALES = (5.0, 2.0, 1.0, 0.5, 0.4, 0.25, 0.2)
 GAP_MM, MARGIN_MM = 18.0, 12.0
 SPACE_MM = (180.0, 165.0)  # of the sheet, for the three views
+OBLIQUE_MM = 78.0
 STEPS = 24
 MIN_DIAMETER_MM = 1.0
-MAX_ROWS = 22
+NO_BREAK = "\u00a0"  # SVG collapses spaces
 GREY, DIMENSION = "#9aa5b1", "#1d4e89"
 LEADER = {"arrowstyle": "-", "lw": 0.4, "color": DIMENSION}
 
@@ -80,7 +81,7 @@ def write_drawing(name: str, rig_name: str, shape: Part, print_: Print, folder: 
     _dimension(axes, (left, bottom - 7), (left + width, bottom - 7), box.X)
     _dimension(axes, (left - 7, bottom), (left - 7, bottom + height), box.Z)
     _dimension(axes, (left - 7, places[TOP][1]), (left - 7, places[TOP][1] + depth), box.Y)
-    oblique = min(60 / max(box.X, box.Y, box.Z), 2.0)
+    oblique = min(OBLIQUE_MM / box.length, 2.0)
     _draw_view(axes, lying, OBLIQUE, (208, 132), oblique)
     _write_holes(axes, lying)
     _write_title(axes, name, rig_name, print_, scale)
@@ -203,15 +204,17 @@ def _dimension(axes: Axes, start: tuple[float, float], end: tuple[float, float],
 
 def _write_holes(axes: Axes, shape: Part) -> None:
     """Write the positions of the circles seen from above, from the lower left corner of that view."""
-    circles = _circles(shape, TOP)
-    rows = [(diameter, *point) for diameter, points in sorted(circles.items()) for point in points]
-    if not rows:
+    at: dict[tuple[float, float], list[float]] = defaultdict(list)
+    for diameter, points in sorted(_circles(shape, TOP).items()):
+        for x, y in points:
+            at[float(x), float(y)].append(diameter)
+    if not at:
         return
-    lines = ["circles seen from the top", "  Ø      x      y   [mm]"]
-    lines += [f"{diameter:5.2f} {x:6.2f} {y:6.2f}" for diameter, x, y in rows[:MAX_ROWS]]
-    if len(rows) > MAX_ROWS:
-        lines.append(f"and {len(rows) - MAX_ROWS} more, in the STEP file")
-    axes.text(236, 128, "\n".join(lines), fontsize=5, family="monospace", va="top")
+    lines = ["circles seen from the top", f"{'x':>7} {'y':>7}  Ø   [mm]"]
+    lines += [
+        f"{x:7.2f} {y:7.2f}  {', '.join(f'{one:g}' for one in found)}" for (x, y), found in sorted(at.items())
+    ]
+    axes.text(236, 128, "\n".join(lines).replace(" ", NO_BREAK), fontsize=5, family="monospace", va="top")
 
 
 def _write_title(axes: Axes, name: str, rig_name: str, print_: Print, scale: float) -> None:

@@ -52,6 +52,6 @@ def _camera_feet(layout: Layout) -> list[tuple[float, float]]:
     if not layout.mirror:
         z_mm = layout.camera.front_mm[2] + layout.depth_mm + FLOOR_MM / 2
         x_mm = layout.camera.front_mm[0]
-        return [(x_mm - right, z_mm), (x_mm + right, z_mm), (x_mm, z_mm + RIB_MM - FLOOR_MM)]
+        return [(x_mm - right, z_mm), (x_mm + right, z_mm), (x_mm, z_mm - RIB_MM + FLOOR_MM / 2)]
     corners = [layout.camera.at(r, u, 0) for r in (-right, right) for u in (-up, up)]
     return [(float(corner[0]), float(corner[2])) for corner in corners]

@@ -99,19 +99,6 @@ class Layout(Struct, frozen=True):
         angle = math.radians(from_top_deg)
         return (radius_mm or self.radius_mm) * np.array([math.sin(angle), math.cos(angle), 0.0])
 
-    def tilt_deg(self, port: int, opening_mm: float, height_mm: float) -> tuple[float, float]:
-        """Return between which angles from the top a shaft in a port clears an opening of the mask.
-
-        Args:
-            port: Which port.
-            opening_mm: Half width of the opening.
-            height_mm: y of its rim.
-        """
-        x_mm, y_mm, _ = self.on_globe(self.rig.eye.trocars_deg[port])
-        sides = (-opening_mm - x_mm, opening_mm - x_mm)
-        low, high = (math.degrees(math.atan2(side, height_mm - y_mm)) for side in sides)
-        return low, high
-
 
 def layout_of(rig: Rig, file: str | Path) -> Layout:
     """Place everything.
@@ -147,7 +134,7 @@ def layout_of(rig: Rig, file: str | Path) -> Layout:
         aside = abs(pose.front_mm[0]) + half_width + MOUNT_MM
         wall = max(aside, mirror.size_mm[0] / 2 + 2.0) + 1.5
     else:
-        base = -max(half_height + MOUNT_MM, bulge, rig.light.diameter_mm / 2 + 5.0) - 12.0
+        base = -max(half_height + MOUNT_MM, bulge, rig.light.diameter_mm / 2 + 5.0) - 16.0
         aside, wall = half_width + MOUNT_MM, 0.0
     leg = max(aside + 1.0, rig.light.diameter_mm / 2 + 8.0) + LEG_MM / 2
     return Layout(

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
+import PIL.Image
 import pyvista as pv
 import trimesh
 from matplotlib.figure import Figure
@@ -40,6 +41,8 @@ COLORS = {
 INK, RAY = "#1f2933", "#d7263d"
 LABELS = {"post_2": "post (4)", "post_4": "post (4)", "led_1": "LED (8)"}
 PARTS_ACROSS = 4
+LABEL_SAMPLES, LABEL_MM = 400, 0.5
+TONES = 128
 
 
 class View(Struct, frozen=True):
@@ -59,7 +62,7 @@ class View(Struct, frozen=True):
 
 
 VIEWS = (
-    View("assembly", (-0.5, 0.75, 1.0), ("mask", "eye", "post_4", "base", "camera_mount"), zoom=1.25),
+    View("assembly", (-0.45, 1.15, 0.8), ("mask", "eye", "post_4", "base"), zoom=1.2),
     View(
         "inside",
         (-1.0, 0.5, -0.25),
@@ -76,6 +79,7 @@ VIEWS = (
             "post_2",
         ),
         without=("mask",),
+        see_through=("mirror_mount", "post"),
         zoom=1.2,
     ),
     View(
@@ -92,8 +96,8 @@ VIEWS = (
         (0.7, 0.35, 1.0),
         ("eye", "retina", "target"),
         only=("eye", "retina", "target"),
-        apart={"retina": (0, -4, 20), "target": (0, -4, 40)},
-        zoom=1.1,
+        apart={"retina": (0, -2, 16), "target": (0, -2, 26)},
+        zoom=1.05,
     ),
     View("eye_front", (0.0, 0.0, 1.0), ("eye", "retina", "target"), only=("eye", "retina", "target")),
     View("clip", (0.8, 0.7, 0.9), ("clip", "motor", "stylus"), only=("clip", "motor", "stylus"), zoom=1.1),
@@ -115,7 +119,7 @@ def write_pictures(
         image, places = _rendered(layout, view, bodies, meshes, SIZE_PX)
         _write_labelled(image, places, folder / f"{view.name}.png")
     kinds = sorted({body.kind for body in bodies if body.print})
-    views = [View(kind, (-0.6, 0.6, 1.0), only=(kind,)) for kind in kinds]
+    views = [View(kind, (-0.6, 0.6, 1.0), only=(kind,), zoom=0.9) for kind in kinds]
     images = [_rendered(layout, view, bodies, meshes, PART_PX)[0] for view in views]
     _write_sheet(images, kinds, folder / "parts.png")
 
@@ -130,7 +134,7 @@ def _rendered(
     """Return an image, and where in it the labelled bodies are (from the top left)."""
     plotter = pv.Plotter(off_screen=True, window_size=list(size_px), lighting="none")
     plotter.set_background("#ffffff", top="#eef2f6")
-    middles = {}
+    shown = {}
     for body in bodies:
         if not _is_shown(body, view):
             continue
@@ -146,8 +150,7 @@ def _rendered(
             specular_power=20,
             opacity=0.2 if body.kind in view.see_through else 1.0,
         )
-        if body.name in view.labels:
-            middles[body.name] = mesh.triangles_center[np.argmax(mesh.triangles_center @ view.towards)]
+        shown[body.name] = mesh
     if view.rays:
         _add_rays(plotter, layout)
     for position, strength in (((-250, 400, 350), 0.7), ((350, 200, 250), 0.35), ((-200, 100, -300), 0.3)):
@@ -156,11 +159,12 @@ def _rendered(
     middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
     towards = np.array(view.towards) / np.linalg.norm(view.towards)
     plotter.camera.view_angle = 20
-    plotter.camera_position = [middle + 2.7 * size / view.zoom * towards, middle, (0, 1, 0)]
+    eye = middle + 2.7 * size / view.zoom * towards
+    plotter.camera_position = [eye, middle, (0, 1, 0)]
     plotter.enable_ssao(radius=0.05 * size, bias=0.004 * size, kernel_size=32)
     plotter.enable_anti_aliasing("msaa", multi_samples=8)
     image = plotter.screenshot(return_img=True)
-    places = {name: _in_image(plotter, point, size_px) for name, point in middles.items()}
+    places = {name: _in_image(plotter, point, size_px) for name, point in _visible(shown, view, eye).items()}
     plotter.close()
     return np.asarray(image), places
 
@@ -169,6 +173,32 @@ def _is_shown(body: Body, view: View) -> bool:
     if view.only:
         return body.kind in view.only and (body.kind != "post" or body.name == "post_1")
     return body.group == "rig" and body.kind not in view.without
+
+
+def _visible(
+    shown: Mapping[str, trimesh.Trimesh], view: View, eye: NDArray[np.float64]
+) -> dict[str, NDArray[np.float64]]:
+    """Return a point in the middle of what is visible of each labelled body."""
+    opaque = [
+        mesh for name, mesh in shown.items() if name.rstrip("0123456789").rstrip("_") not in view.see_through
+    ]
+    scene, found = trimesh.util.concatenate(opaque), {}
+    for name in (name for name in view.labels if name in shown):
+        points, _ = trimesh.sample.sample_surface(shown[name], LABEL_SAMPLES, seed=1)
+        way = points - eye
+        distance = np.linalg.norm(way, axis=1)
+        _, ray, where = scene.ray.intersects_id(
+            np.broadcast_to(eye, points.shape),
+            way / distance[:, None],
+            multiple_hits=False,
+            return_locations=True,
+        )
+        free = np.ones(len(points), bool)
+        free[ray] = np.linalg.norm(where - eye, axis=1) > distance[ray] - LABEL_MM
+        if free.any():
+            middle = points[free].mean(axis=0)
+            found[name] = points[free][np.argmin(np.linalg.norm(points[free] - middle, axis=1))]
+    return found
 
 
 def _in_image(
@@ -220,7 +250,7 @@ def _write_labelled(image: NDArray[np.uint8], places: dict[str, tuple[float, flo
                 bbox={"boxstyle": "round,pad=0.25", "fc": "white", "ec": "#c8d0d8", "lw": 0.6},
             )
             axes.plot(x, y, "o", ms=3.5, color=INK)
-    figure.savefig(file, dpi=DPI)
+    _save(figure, file)
 
 
 def _write_sheet(images: list[NDArray[np.uint8]], names: list[str], file: Path) -> None:
@@ -234,4 +264,12 @@ def _write_sheet(images: list[NDArray[np.uint8]], names: list[str], file: Path) 
         axes.imshow(image)
         axes.axis("off")
         axes.text(14, 26, name.replace("_", " "), fontsize=11, color=INK, weight="bold")
+    _save(figure, file)
+
+
+def _save(figure: Figure, file: Path) -> None:
+    """Write a figure as a small PNG."""
     figure.savefig(file, dpi=DPI)
+    with PIL.Image.open(file) as image:
+        small = image.convert("RGB").quantize(TONES)
+    small.save(file, optimize=True)

@@ -31,6 +31,7 @@ BOARD_MM = 1.6
 COVER_MM, HOLD_MM = 1.5, 2.0
 """By how much the clamp covers the front, and the posts the sides."""
 STANDOFF_MM, BARREL_MM = 5.5, 16.0
+RIB_FOOT_MM = 8.0
 TAPPED = {"M2": 1.6, "M2.5": 2.1, "M3": 2.5}
 FREE = {"M2": 2.4, "M2.5": 2.9, "M3": 3.4}
 ALL_CORNERS = tuple(product((-1, 1), (-1, 1)))
@@ -127,10 +128,12 @@ def _with_standoffs(layout: Layout, mount: Part) -> Part:
 
 
 def _stand(layout: Layout, half_width_mm: float) -> Part:
-    """Return what carries an upright mount: its plate goes on down to the base, with a rib behind."""
+    """Return what carries an upright mount: its plate goes on down to the base, with a rib below the camera."""
     x_mm, z_mm = layout.camera.front_mm[0], layout.camera.front_mm[2] + layout.depth_mm
     base, top = layout.base_mm, layout.camera.front_mm[1]
     plate = [(base, z_mm), (base, z_mm + FLOOR_MM), (top, z_mm + FLOOR_MM), (top, z_mm)]
-    rib = [(base, z_mm + FLOOR_MM - 1), (base, z_mm + RIB_MM + 8), (top, z_mm + FLOOR_MM - 1)]
+    below = top - layout.rig.camera.body_mm[1] / 2 - MOUNT_MM
+    front = z_mm - RIB_MM
+    rib = [(base, z_mm + 1), (base, front), (base + RIB_FOOT_MM, front), (below, z_mm + 1)]
     stand = prism(plate, Plane.YZ, x_mm - half_width_mm, x_mm + half_width_mm)
     return stand + prism(rib, Plane.YZ, x_mm - 4.5, x_mm + 4.5)
