@@ -128,11 +128,12 @@ def _with_standoffs(layout: Layout, mount: Part) -> Part:
 
 
 def _stand(layout: Layout, half_width_mm: float) -> Part:
-    """Return what carries an upright mount: its plate goes on down to the base, with a rib below the camera."""
+    """Return what carries an upright mount: its plate, down to the base, and a rib below the camera."""
     x_mm, z_mm = layout.camera.front_mm[0], layout.camera.front_mm[2] + layout.depth_mm
     base, top = layout.base_mm, layout.camera.front_mm[1]
     plate = [(base, z_mm), (base, z_mm + FLOOR_MM), (top, z_mm + FLOOR_MM), (top, z_mm)]
     below = top - layout.rig.camera.body_mm[1] / 2 - MOUNT_MM
+    front = z_mm - RIB_MM
     front = z_mm - RIB_MM
     rib = [(base, z_mm + 1), (base, front), (base + RIB_FOOT_MM, front), (below, z_mm + 1)]
     stand = prism(plate, Plane.YZ, x_mm - half_width_mm, x_mm + half_width_mm)
