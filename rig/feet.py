@@ -8,7 +8,7 @@ RIB_MM = 35.0
 """Length of the frame's rib behind its plate."""
 FRAME_FOOT_MM = 14.0
 WALL_FOOT_MM = 7.0
-POST_MM = (56.0, 44.0)
+POST_MM = (53.0, 44.0)
 """Of the mask's posts from the middle of the mask, in x and z."""
 
 

@@ -7,17 +7,17 @@ from numpy.typing import NDArray
 
 from rig.standard import Print
 
-__all__ = ["CHORD_MM", "bed_axes", "mesh_of", "on_bed"]
+__all__ = ["CHORD_SHARE", "bed_axes", "mesh_of", "on_bed"]
 
-CHORD_MM = 0.01
-"""How far a mesh may be from the true surface."""
-ANGLE_RAD = 0.2
+CHORD_SHARE = 0.001
+"""How far a mesh may be from the true surface, relative to the size of an edge."""
+ANGLE_RAD = 0.1
 MERGE_DIGITS = 5  # faces that meet in an edge are triangulated one by one
 
 
 def mesh_of(shape: Part) -> trimesh.Trimesh:
     """Return the surface of a solid, triangles (n, 3), normals outwards."""
-    points, triangles = shape.tessellate(CHORD_MM, ANGLE_RAD)
+    points, triangles = shape.tessellate(CHORD_SHARE, ANGLE_RAD)
     mesh = trimesh.Trimesh(np.array([tuple(point) for point in points]), np.array(triangles))
     mesh.merge_vertices(digits_vertex=MERGE_DIGITS)
     mesh.update_faces(mesh.nondegenerate_faces())
