@@ -12,11 +12,12 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 INSTALL = UV_SYSTEM_CERTS=1 $(BIN)/python -m uv pip install --python $(BIN)/python --requirement $(1) || \
 	$(BIN)/python -m pip install --disable-pip-version-check --requirement $(1)
 export PYTHONDONTWRITEBYTECODE =  # programs start faster from compiled modules, and most packages are never imported
+RIG ?= rig/d405.toml
 RIGS ?= $(basename $(notdir $(wildcard rig/*.toml)))
 BUILDS ?= 2
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render rig-registration interop test-exports wheels lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render rig test-rig rig-registration interop test-exports wheels lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -203,6 +204,17 @@ render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into b
 	@for scene in $(SCENES); do \
 		.venv-rendering/bin/python -m rendering.render $$scene && $(BIN)/python -m rendering.pack $$scene || exit 1; \
 	done
+
+.venv-rig/ready: rig/requirements.txt
+	$(PYTHON) -m venv .venv-rig
+	.venv-rig/bin/python -m pip install --quiet --disable-pip-version-check --requirement rig/requirements.txt
+	@touch .venv-rig/ready
+
+rig: .venv-rig/ready  ## CAD of RIG (rig/d405.toml) into build/rig: STEP, STL, drawings, bill of materials, checks; 0.7 GB once
+	.venv-rig/bin/python -m rig.build $(RIG) $(if $(PICTURES),--pictures)
+
+test-rig: .venv-rig/ready  ## tests of the CAD: every shipped rig builds, and every check finds its sabotage; some minutes
+	.venv-rig/bin/python -m pytest --confcutdir=tests/rig_cad tests/rig_cad
 
 rig-registration: setup .venv-rendering/ready  ## ray-traced pictures of the meshes of `make rig`, as designed and BUILDS as built, registered; 10 min each
 	@for rig in $(RIGS); do \

@@ -7,12 +7,12 @@ from contextlib import closing
 from multiprocessing import active_children
 
 import pytest
-from haptigraph.analysis.exporting.csv_table import run_csv
 from helpers import make_step
 
 from haptigraph.analysis.batch.batch import Batch, open_results, run_batch
 from haptigraph.analysis.batch.replaying import Moments
 from haptigraph.analysis.batch.report import write_report
+from haptigraph.analysis.exporting.csv_table import run_csv
 from haptigraph.analysis.metrics.replay import replay
 from haptigraph.errors import BadInput
 

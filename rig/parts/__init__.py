@@ -1,0 +1,1 @@
+"""One module a part: Layout -> solid, where it is in the assembled rig."""
