@@ -18,6 +18,7 @@ from haptigraph.commands.publishing.export import export
 from haptigraph.commands.publishing.recording import export_recording
 from haptigraph.commands.publishing.video import video
 from haptigraph.commands.recordings import recover, replay
+from haptigraph.commands.rigs.calibrate_camera import calibrate_lens
 from haptigraph.commands.robots.calibrate import calibrate, sync_check
 from haptigraph.commands.robots.check import robot_check
 from haptigraph.commands.robots.robot import robot
@@ -71,7 +72,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
     cls=Commands,
     tasks={
         "Try it": ("live", "demo"),
-        "Your own video or camera": ("sources", "register", "run"),
+        "Your own video or camera": ("sources", "calibrate", "register", "run"),
         "Recordings": ("replay", "explain", "figure", "export", "sync-check", "recover"),
         "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices", "touch"),
         "Robots": ("robot",),
@@ -94,6 +95,7 @@ for command in (
     live,
     replay,
     evaluate,
+    calibrate_lens,
     register,
     check,
     procedure,

@@ -25,7 +25,7 @@ __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
     epilog=examples(
         "haptigraph register clip.mp4 -o eye.toml --target 602,641",
         "haptigraph register eye.png -o eye.toml --trocar right --target-mm 1.5 --diameter-mm 23.5",
-        "haptigraph register clip.mp4 -o eye.toml --set source.rotate_deg=180",
+        "haptigraph register clip.mp4 -o eye.toml --lens lens.toml --set source.rotate_deg=180",
         "haptigraph register --volumes scans/needle -o needle.npz --voxel-mm 0.0058,0.079,0.051",
     )
 )
@@ -46,6 +46,7 @@ __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
     "--mirrored/--not-mirrored", default=None, help="Whether a mirror flips the images; assumed: it does."
 )
 @click.option("--diameter-mm", type=float, help="Inner diameter of the globe; assumed: 24.")
+@click.option("--lens", metavar="FILE", help="Lens of the camera, from `haptigraph calibrate camera`.")
 @click.option("--picture", metavar="FILE", help="PNG to draw; default: beside the registration.")
 @click.option("--images", default=40, show_default=True, help="Number of images of SOURCE to use.")
 @click.option("--force", is_flag=True, help="Overwrite existing files.")
@@ -81,6 +82,8 @@ def register(
         problem = "register takes either SOURCE or --volumes FOLDER"
         raise BadInput(problem if source is None else "--voxel-mm goes with --volumes FOLDER")
     if is_bscan_source(source):
+        if overrides["lens"] is not None:
+            raise BadInput("--lens is for cameras; B-scans have no lens distortion to correct")
         click.echo(
             register_scans(source, output, settings, picture, force=force, max_images=overrides["images"])
         )

@@ -65,12 +65,12 @@ def check_draft(opened: OpenedSource, draft: Draft) -> Checked:
     Raises:
         BadInput: If a point is far outside the image.
     """
-    homography = anatomy_px_of(opened, draft).frontal_from_image
+    frontal = anatomy_px_of(opened, draft).frontal_map
     image = ImageGeometry(
-        center_px=homography(draft.center_px) if homography else draft.center_px,
+        center_px=frontal(draft.center_px) if frontal else draft.center_px,
         mm_per_px=draft.diameter_mm / (2 * draft.radius_px),
         mirrored=draft.mirrored,
-        frontal_from_image=homography,
+        frontal_from_image=frontal,
     )
     try:  # without the background image, which would be decoded at every drag
         checked_registration(replace(opened, background_webp=b""), draft)
@@ -111,9 +111,7 @@ def _edge_mm(anatomy: Anatomy, image: ImageGeometry) -> Floats:
     right = anatomy.center_px[0] + radii * np.sin(edge.angles)
     down = anatomy.center_px[1] + radii * np.cos(edge.angles)
     points: list[Vec] = list(zip(right.tolist(), down.tolist(), strict=True))
-    if anatomy.tilt is not None:
-        points = list(map(anatomy.tilt.image_from_frontal, points))
-    return np.array([image.to_mm(point) for point in points])
+    return np.array([image.to_mm(anatomy.image_px(point)) for point in points])
 
 
 def _globe(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, edge_mm: Floats | None) -> Row:

@@ -46,6 +46,8 @@ class Overrides(Struct, frozen=True):
     images: int = 40
     turn: Turn = UPRIGHT
     """How the source's images are turned."""
+    lens: str | None = None
+    """Path of lens.toml, for images before they are turned."""
 
     @property
     def is_mirrored(self) -> bool:
@@ -90,9 +92,8 @@ def apply_overrides(anatomy: Anatomy, overrides: Overrides, mm_per_px: float, so
     Raises:
         BadInput: If an override does not fit what was found.
     """
-    homography = anatomy.tilt.frontal_from_image if anatomy.tilt else None
     frontal = ImageGeometry(anatomy.center_px, mm_per_px, overrides.is_mirrored)
-    image = replace(frontal, frontal_from_image=homography)
+    image = replace(frontal, frontal_from_image=anatomy.frontal_map)
     retina = Polyline(tuple(frontal.to_mm(point) for point in anatomy.contour_px))
     trocars = _with_used(named_trocars(anatomy, overrides.is_mirrored), anatomy, overrides.trocar, source)
     return AnatomyPx(
@@ -107,7 +108,8 @@ def apply_overrides(anatomy: Anatomy, overrides: Overrides, mm_per_px: float, so
         ),
         target_px=image.to_px(_target_point_mm(retina, image, overrides, source)),
         trocars=tuple(replace(trocar, point_px=anatomy.image_px(trocar.point_px)) for trocar in trocars),
-        frontal_from_image=homography,
+        frontal_from_image=anatomy.tilt.frontal_from_image if anatomy.tilt else None,
+        lens=anatomy.lens,
         turn=overrides.turn,
         assumed=in_order((*overrides.assumed, *(() if anatomy.rim_evidence else (RIM,)))),
     )

@@ -23,6 +23,7 @@ from haptigraph.config import Config, SourceConfig
 from haptigraph.errors import BadInput
 from haptigraph.files import write_files
 from haptigraph.imaging import UPRIGHT, Turn
+from haptigraph.lens import Lens
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy, find_anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
@@ -30,6 +31,7 @@ from haptigraph.perception.anatomy.upright import enters_elsewhere
 from haptigraph.recording.codec import decode
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
+from haptigraph.registration.lens_file import load_lens
 from haptigraph.registration.loading import parse_camera_registration, parse_registration
 from haptigraph.registration.text import registration_text
 from haptigraph.sources.naming import CAMERAS, split_source
@@ -81,8 +83,8 @@ def register_source(
     check_files(files, source, force=force)
     with closing(all_images(source, overrides.turn)) as available:
         images = spread_images(available, source, overrides.images, progress)
-    anatomy = plausible_anatomy(images, overrides.globe_mm, source)
     overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
+    anatomy = plausible_anatomy(images, overrides.globe_mm, source, _lens(overrides, images))
     if overrides.trocar is None and enters_elsewhere(images, anatomy):
         raise BadInput(f"{NOT_UPRIGHT}; if it is upright, give --trocar", source)
     mm_per_px = overrides.globe_mm / (2 * anatomy.radius_px)
@@ -99,14 +101,23 @@ def register_source(
     return "\n".join(report_lines(anatomy, found, registration, overrides, files))
 
 
-def plausible_anatomy(images: Sequence[Image], diameter_mm: float, source: str) -> Anatomy:
+def _lens(overrides: Overrides, images: Sequence[Image]) -> Lens | None:
+    if overrides.lens is None:
+        return None
+    height_px, width_px = images[0].shape[:2]
+    return load_lens(overrides.lens).for_images((width_px, height_px), overrides.turn, overrides.lens)
+
+
+def plausible_anatomy(
+    images: Sequence[Image], diameter_mm: float, source: str, lens: Lens | None = None
+) -> Anatomy:
     """Find the anatomy, and refuse what is not a plausible eye.
 
     Raises:
         BadInput: If something cannot be found or is implausible; it names the source.
     """
     try:
-        anatomy = find_anatomy(images)
+        anatomy = find_anatomy(images, lens)
     except BadInput as error:
         raise BadInput(error.problem, source) from None
     _check_plausible(anatomy, diameter_mm / (2 * anatomy.radius_px), source)

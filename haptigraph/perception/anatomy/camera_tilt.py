@@ -14,21 +14,23 @@ from haptigraph.perception.anatomy.edge import Edge
 from haptigraph.perception.anatomy.rim import Rim
 from haptigraph.registration.tilt import CameraTilt
 
-__all__ = ["find_camera_tilt"]
+__all__ = ["edge_points", "find_camera_tilt", "fit_circles"]
 
 MIN_DEVIATION_PX = 0.5  # from concentric circles; less may be irregularity of an edge
 CLOSENESS_PRIOR = (0.15, 0.1)  # mean and standard deviation of globe radius / camera distance
+KNOWN_CLOSENESS_SD = 0.005  # with a calibrated focal length; the rim may lie in front of the section
 MAX_CLOSENESS = 0.5
 EDGE_SD_PX = 1.0  # of one ray; the errors of neighbours are correlated
 MAX_ITERATIONS = 40
 
 
-def find_camera_tilt(rim: Rim, principal_px: Vec) -> CameraTilt | None:
+def find_camera_tilt(rim: Rim, principal_px: Vec, focal_px: float | None = None) -> CameraTilt | None:
     """Fit the camera's tilt to the rim.
 
     Args:
         rim: Both edges of the wall.
-        principal_px: The principal point, assumed at the image centre.
+        principal_px: The principal point; without a calibration, that is assumed at the image centre.
+        focal_px: The focal length, if it was calibrated.
 
     Returns:
         None if no tilt is measurable, or the outer edge of the wall was not detected.
@@ -39,21 +41,23 @@ def find_camera_tilt(rim: Rim, principal_px: Vec) -> CameraTilt | None:
     offset_px = math.dist(inner.center_px, outer.center_px)
     if max(inner.out_of_round_px, outer.out_of_round_px, offset_px) < MIN_DEVIATION_PX:
         return None
-    points = _edge_points(inner), _edge_points(outer)
-    fits = [_fit(start, points, principal_px) for start in _initial_guesses(inner, outer)]
+    points = edge_points(inner), edge_points(outer)
+    prior = CLOSENESS_PRIOR if focal_px is None else (inner.radius_px / focal_px, KNOWN_CLOSENESS_SD)
+    starts = _initial_guesses(inner, outer, prior[0])
+    fits = [fit_circles(start, points, principal_px, prior) for start in starts]
     _, best = min(fits, key=lambda fit: fit[0])
     x, y, radius, right, down, closeness, _ = (float(value) for value in best)
     return CameraTilt((x, y), (right, down), radius / closeness, principal_px)
 
 
-def _edge_points(edge: Edge) -> Floats:
+def edge_points(edge: Edge) -> Floats:
     """Return the measured points of an edge, (n, 2)."""
     radii = edge.radii_px(edge.angles) + edge.offsets_px
     directions = np.stack([np.sin(edge.angles), np.cos(edge.angles)], axis=1)
     return np.asarray(np.array(edge.center_px) + radii[:, None] * directions)
 
 
-def _initial_guesses(inner: Edge, outer: Edge) -> list[Floats]:
+def _initial_guesses(inner: Edge, outer: Edge, closeness: float) -> list[Floats]:
     """Return initial parameters: tilted in either direction along the ellipse's minor axis."""
     radius = inner.radius_px + inner.out_of_round_px
     # The major axis is where the second harmonic of the radius has its maximum.
@@ -67,7 +71,7 @@ def _initial_guesses(inner: Edge, outer: Edge) -> list[Floats]:
                 radius,
                 sign * angle * math.sin(minor),
                 sign * angle * math.cos(minor),
-                CLOSENESS_PRIOR[0],
+                closeness,
                 outer.radius_px / inner.radius_px,
             ]
         )
@@ -75,15 +79,17 @@ def _initial_guesses(inner: Edge, outer: Edge) -> list[Floats]:
     ]
 
 
-def _fit(start: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> tuple[float, Floats]:
+def fit_circles(
+    start: Floats, points: tuple[Floats, Floats], principal_px: Vec, prior: Vec = CLOSENESS_PRIOR
+) -> tuple[float, Floats]:
     """Minimise the sum of squares with damped Gauss-Newton steps; return it and the parameters."""
     values, damping = start, 1e-3
-    residuals = _residuals(values, points, principal_px)
+    residuals = _residuals(values, points, principal_px, prior)
     steps = np.array([0.01, 0.01, 0.01, 1e-4, 1e-4, 1e-3, 1e-4])
 
     def slope(step: Floats) -> Floats:
-        after = _residuals(values + step, points, principal_px)
-        return np.asarray((after - _residuals(values - step, points, principal_px)) / (2 * step.sum()))
+        after = _residuals(values + step, points, principal_px, prior)
+        return np.asarray((after - _residuals(values - step, points, principal_px, prior)) / (2 * step.sum()))
 
     for _ in range(MAX_ITERATIONS):
         jacobian = np.stack([slope(step) for step in np.diag(steps)], axis=1)
@@ -91,7 +97,7 @@ def _fit(start: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> tup
         change = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -jacobian.T @ residuals)
         candidate = values + change
         candidate[5] = min(max(candidate[5], 1e-4), MAX_CLOSENESS)
-        new_residuals = _residuals(candidate, points, principal_px)
+        new_residuals = _residuals(candidate, points, principal_px, prior)
         if new_residuals @ new_residuals < residuals @ residuals:
             values, residuals, damping = candidate, new_residuals, damping / 5
         else:
@@ -101,12 +107,12 @@ def _fit(start: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> tup
     return float(residuals @ residuals), values
 
 
-def _residuals(values: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> Floats:
+def _residuals(values: Floats, points: tuple[Floats, Floats], principal_px: Vec, prior: Vec) -> Floats:
     """Return the distances of the points from their circles in the frontal view [standard deviations]."""
     x, y, radius, right, down, closeness, wall = values
     tilt = CameraTilt((x, y), (right, down), radius / closeness, principal_px)
     matrix = tilt.frontal_from_image.matrix
-    prior_mean, prior_sd = CLOSENESS_PRIOR
+    prior_mean, prior_sd = prior
     parts = [np.array([(closeness - prior_mean) / prior_sd])]
     for edge_points, circle in zip(points, (radius, wall * radius), strict=True):
         frontal = edge_points @ matrix[:, :2].T + matrix[:, 2]

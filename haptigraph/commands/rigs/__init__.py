@@ -1,0 +1,1 @@
+"""Commands for a rig: its camera and its check."""
