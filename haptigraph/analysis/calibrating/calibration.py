@@ -25,6 +25,7 @@ MIN_VIEWS = 8
 CELLS = 8, 5
 """Columns and rows into which the image is divided for its coverage."""
 MIN_COVERAGE = 0.8
+TILTED_VIEWS, MIN_TILT_DEG = 4, 10.0
 MAX_RMS_PX = 0.6
 MAX_SD_PX = 0.5
 MAX_FOCAL_SD = 0.02
@@ -73,6 +74,7 @@ def calibrate(views: Sequence[View], size_px: tuple[int, int]) -> Calibration:
     kept = [view for view, error in zip(views, errors, strict=True) if error < OUTLIER * np.median(errors)]
     if len(kept) < len(views):
         fit = _fit(kept, size_px)
+    _check_tilts(fit.tilts_deg)
     sd_px = _correction_sd_px(kept, fit.lens, size_px)
     found = Calibration(
         replace(fit.lens, sd_px=sd_px), fit.sd, fit.rms_px, len(kept), coverage(kept, size_px)
@@ -104,17 +106,26 @@ class _Fit(Struct, frozen=True, eq=False):
     sd: Lens
     rms_px: float
     view_errors_px: Floats
+    tilts_deg: Floats
+    """Between sheet and image plane, by view."""
 
 
 def _fit(views: Sequence[View], size_px: tuple[int, int]) -> _Fit:
     on_board = [np.pad(view.board_points, ((0, 0), (0, 1))).astype(np.float32) for view in views]
     points = [view.points_px.astype(np.float32)[:, None] for view in views]
     start: Any = np.eye(3), np.zeros(5)
-    rms, camera, distortion, _, _, sd, _, errors = cv2.calibrateCameraExtended(
+    rms, camera, distortion, rotations, _, sd, _, errors = cv2.calibrateCameraExtended(
         on_board, points, size_px, *start
     )
+    facing = [cv2.Rodrigues(rotation)[0][2, 2] for rotation in rotations]
     values = camera[0, 0], camera[1, 1], camera[0, 2], camera[1, 2], *distortion.ravel()[:5]
-    return _Fit(_lens(values), _lens(sd.ravel()[:9]), float(rms), np.array(errors, np.float64).ravel())
+    return _Fit(
+        _lens(values),
+        _lens(sd.ravel()[:9]),
+        float(rms),
+        np.array(errors, np.float64).ravel(),
+        np.degrees(np.arccos(np.clip(facing, -1, 1))),
+    )
 
 
 def _lens(values: Any) -> Lens:
@@ -174,6 +185,16 @@ def _thirds(parts: Any) -> list[list[bool]]:
         [bool(block.all()) for block in np.array_split(rows, 3, axis=1)]
         for rows in np.array_split(parts, 3, axis=0)
     ]
+
+
+def _check_tilts(tilts_deg: Floats) -> None:
+    """Refuse level views, which do not determine the focal length, whatever its standard deviation."""
+    tilt_deg = float(np.sort(tilts_deg)[-TILTED_VIEWS])
+    if tilt_deg < MIN_TILT_DEG:
+        raise BadInput(
+            f"fewer than {TILTED_VIEWS} views have a sheet that is tilted by {MIN_TILT_DEG:g} degrees; show "
+            "it tilted by 20 to 45 degrees in every direction, near the camera"
+        )
 
 
 def _check(found: Calibration, size_px: tuple[int, int]) -> None:

@@ -15,6 +15,7 @@ from haptigraph.analysis.registering.overrides import SNAP_MM
 from haptigraph.analysis.registering.report import (
     WALL_MM,
     along_text,
+    lens_line,
     rim_line,
     tilt_line,
     trocar_evidence,
@@ -100,7 +101,11 @@ def _rows(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, retina: P
         _retina(anatomy, image, retina, edge_mm),
         _target(draft, image, retina),
         *(_trocar(anatomy, draft, image, number) for number in range(len(draft.trocars))),
-        *([_report_row(anatomy, image, tilt_line)] if anatomy else []),
+        *(
+            [_report_row(anatomy, image, tilt_line), _report_row(anatomy, image, lens_line)]
+            if anatomy
+            else []
+        ),
     ]
 
 

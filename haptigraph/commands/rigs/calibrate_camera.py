@@ -1,4 +1,4 @@
-"""The commands `calibrate sheet` and `calibrate camera`: a ChArUco sheet, and the lens that they calibrate."""
+"""The commands `calibrate sheet` and `calibrate camera`: a ChArUco sheet, and a lens."""
 
 from pathlib import Path
 
@@ -52,7 +52,7 @@ def calibrate_lens() -> None:
     default=10.0,
     show_default=True,
     metavar="MM",
-    help="Side of a square: a sixth to a tenth of the width that the camera sees.",
+    help="Side of a square: about a tenth to a twentieth of the width that the camera sees.",
 )
 @click.option(
     "--paper", type=click.Choice(["a4", "a3", "letter"]), default="a4", show_default=True, help="Landscape."

@@ -19,6 +19,7 @@ from haptigraph.lens import Lens
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.camera_tilt import find_camera_tilt
 from haptigraph.perception.anatomy.edge import Edge
+from haptigraph.perception.anatomy.lens_risk import lens_risk_px
 from haptigraph.perception.anatomy.moving_shaft import find_rcms, median_image
 from haptigraph.perception.anatomy.port_opening import (
     MAX_OPENINGS,
@@ -83,6 +84,8 @@ class Anatomy(Struct, frozen=True, eq=False):
     """What `rim_ratio` was estimated from: "needle", "port_openings" or nothing."""
     lens: Lens | None = None
     """The calibrated lens, if there is one."""
+    lens_risk_px: float | None = None
+    """Without one, the error that its distortion does not exceed with a probability of 95 %."""
 
     @property
     def frontal_map(self) -> ImageMap | None:
@@ -145,6 +148,7 @@ def find_anatomy(images: Sequence[Image], lens: Lens | None = None) -> Anatomy:
         * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
         rim_evidence=rim_evidence,
         lens=lens,
+        lens_risk_px=None if lens else lens_risk_px(rim, tilt, (reference.shape[1], reference.shape[0])),
     )
 
 

@@ -80,7 +80,11 @@ def _initial_guesses(inner: Edge, outer: Edge, closeness: float) -> list[Floats]
 
 
 def fit_circles(
-    start: Floats, points: tuple[Floats, Floats], principal_px: Vec, prior: Vec = CLOSENESS_PRIOR
+    start: Floats,
+    points: tuple[Floats, Floats],
+    principal_px: Vec,
+    prior: Vec = CLOSENESS_PRIOR,
+    iterations: int = MAX_ITERATIONS,
 ) -> tuple[float, Floats]:
     """Minimise the sum of squares with damped Gauss-Newton steps; return it and the parameters."""
     values, damping = start, 1e-3
@@ -91,7 +95,7 @@ def fit_circles(
         after = _residuals(values + step, points, principal_px, prior)
         return np.asarray((after - _residuals(values - step, points, principal_px, prior)) / (2 * step.sum()))
 
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(iterations):
         jacobian = np.stack([slope(step) for step in np.diag(steps)], axis=1)
         normal = jacobian.T @ jacobian
         change = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -jacobian.T @ residuals)
