@@ -20,6 +20,7 @@ from haptigraph.commands.publishing.export import export
 from haptigraph.commands.publishing.recording import export_recording
 from haptigraph.commands.publishing.video import video
 from haptigraph.commands.recordings import recover, replay
+from haptigraph.commands.rigs.calibrate_camera import calibrate_lens
 from haptigraph.commands.rigs.check import rig_check
 from haptigraph.commands.rigs.predict import rig_predict
 from haptigraph.commands.rigs.rig import rig
@@ -76,7 +77,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
     cls=Commands,
     tasks={
         "Try it": ("live", "demo"),
-        "Your own video or camera": ("sources", "register", "rig", "run"),
+        "Your own video or camera": ("sources", "calibrate", "register", "rig", "run"),
         "Recordings": ("replay", "explain", "figure", "export", "sync-check", "recover"),
         "Many recordings": ("archive", "query", "batch"),
         "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices", "touch"),
@@ -100,6 +101,7 @@ for command in (
     live,
     replay,
     evaluate,
+    calibrate_lens,
     register,
     rig,
     check,

@@ -1,6 +1,7 @@
 """Names for arrays of pixels, and conversions of images. Shared by all of perception."""
 
-from typing import Literal, TypeAlias
+from functools import lru_cache
+from typing import Any, Literal, TypeAlias
 
 import cv2
 import numpy as np
@@ -8,7 +9,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.messages import Image
-from haptigraph.projection import Homography
+from haptigraph.projection import Homography, ImageMap, LensMap
 
 __all__ = [
     "UPRIGHT",
@@ -23,6 +24,7 @@ __all__ = [
     "grey_with_chroma",
     "peak_offset",
     "tilt_corrected",
+    "tilt_restored",
 ]
 
 FloatImage: TypeAlias = NDArray[np.float32]
@@ -31,6 +33,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 Rotation: TypeAlias = Literal[0, 90, 180, 270]
 
 ROTATIONS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
+UNDISTORTING_STEPS, UNDISTORTING_PRECISION = 60, 1e-3  # iterations at most, and px
 GREY = 0.114, 0.587, 0.299  # shares of blue, green and red (ITU-R BT.601), as OpenCV has them
 
 
@@ -95,15 +98,65 @@ def chroma_of(image: Image) -> FloatImage:
     return np.subtract(image[..., 0], image[..., 2], dtype=np.float32)
 
 
-def tilt_corrected(image: Image, frontal_from_image: Homography) -> Image:
-    """Return an image of the same size without tilt, (h, w, 3) or (h, w)."""
+def tilt_corrected(image: Image, frontal_from_image: ImageMap) -> Image:
+    """Return an image of the same size without tilt and distortion, (h, w, 3) or (h, w)."""
     height, width = image.shape[:2]
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    inverse = frontal_from_image.inverse.matrix
+    if isinstance(frontal_from_image, Homography):
+        return _warped(image, frontal_from_image.inverse)
+    return _remapped(image, _image_from_frontal(frontal_from_image, width, height))
+
+
+def tilt_restored(frontal: Image, frontal_from_image: ImageMap) -> Image:
+    """Return an image as the camera takes it from one that was corrected, (h, w, 3) or (h, w)."""
+    height, width = frontal.shape[:2]
+    if isinstance(frontal_from_image, Homography):
+        return _warped(frontal, frontal_from_image)
+    return _remapped(frontal, _frontal_from_image(frontal_from_image, width, height))
+
+
+def _warped(image: Image, from_result: Homography) -> Image:
+    height, width = image.shape[:2]
+    flags, matrix = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, from_result.matrix
     return np.asarray(
-        cv2.warpPerspective(image, inverse, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE),
+        cv2.warpPerspective(image, matrix, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE),
         np.uint8,
     )
+
+
+def _remapped(image: Image, from_result: tuple[Any, Any]) -> Image:
+    return np.asarray(
+        cv2.remap(image, *from_result, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8
+    )
+
+
+@lru_cache(4)
+def _image_from_frontal(frontal_from_image: LensMap, width: int, height: int) -> tuple[Any, Any]:
+    """Return where each pixel of the corrected image is in the camera's, as OpenCV remaps fastest."""
+    camera, distortion, corrected = _matrices(frontal_from_image)
+    size = width, height
+    return cv2.initUndistortRectifyMap(camera, distortion, np.eye(3), corrected, size, cv2.CV_16SC2)
+
+
+@lru_cache(4)
+def _frontal_from_image(frontal_from_image: LensMap, width: int, height: int) -> tuple[Any, Any]:
+    """Return where each pixel of the camera's image is in the corrected one."""
+    camera, distortion, corrected = _matrices(frontal_from_image)
+    grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 1, 2)
+    stop = cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, UNDISTORTING_STEPS, UNDISTORTING_PRECISION
+    points = cv2.undistortPointsIter(
+        grid.astype(np.float64), camera, distortion, np.eye(3), corrected, criteria=stop
+    )
+    x, y = np.moveaxis(points.reshape(height, width, 2).astype(np.float32), -1, 0)
+    return cv2.convertMaps(x, y, cv2.CV_16SC2)
+
+
+def _matrices(frontal_from_image: LensMap) -> tuple[Floats, Floats, Floats]:
+    """Return the camera matrix, the distortion, and the camera matrix of the corrected image."""
+    lens, homography = frontal_from_image.lens, frontal_from_image.homography
+    (right, down), focal = lens.principal_px, lens.ideal_focal_px
+    camera = np.array([[lens.focal_px[0], 0, right], [0, lens.focal_px[1], down], [0, 0, 1]])
+    ideal = np.array([[focal, 0, right], [0, focal, down], [0, 0, 1]])
+    return camera, np.array(lens.distortion), homography.matrix @ ideal if homography else ideal
 
 
 def peak_offset(before: Floats, at: Floats, after: Floats) -> Floats:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
+from haptigraph.lens import Lens
 
-__all__ = ["DepthCamera", "Homography", "ImageGeometry", "Slices"]
+__all__ = ["DepthCamera", "Homography", "ImageGeometry", "ImageMap", "LensMap", "Slices", "image_map"]
 
 
 class Homography(Struct, frozen=True, dict=True):
@@ -43,6 +45,31 @@ class Homography(Struct, frozen=True, dict=True):
         return Homography(tuple(tuple(row) for row in (back / back[2, 2]).tolist()))
 
 
+class LensMap(Struct, frozen=True):
+    """From an image to one without distortion, and further by a homography, if there is one."""
+
+    lens: Lens
+    homography: Homography | None = None
+
+    def __call__(self, at_px: Vec) -> Vec:
+        """Return the position of a point in the corrected image."""
+        ideal_px = self.lens.undistorted(at_px)
+        return self.homography(ideal_px) if self.homography else ideal_px
+
+    def inverse(self, corrected_px: Vec) -> Vec:
+        """Return the position in the image of a point in the corrected one."""
+        return self.lens.distorted(self.homography.inverse(corrected_px) if self.homography else corrected_px)
+
+
+ImageMap: TypeAlias = Homography | LensMap
+"""A map between two images, with its inverse."""
+
+
+def image_map(lens: Lens | None, homography: Homography | None) -> ImageMap | None:
+    """Return the map that corrects a lens, if given, and then applies a homography, if given."""
+    return LensMap(lens, homography) if lens else homography
+
+
 class Slices(Struct, frozen=True):
     """The B-scans of a volume, side by side in its image; the middle of all is the section z = 0."""
 
@@ -66,7 +93,7 @@ class ImageGeometry(Struct, frozen=True):
     """The map between the pixels of an image and the eye frame in millimetres.
 
     Pixels: the centre of the top-left pixel is (0, 0), x right, y down, in the image as stored. For a tilted
-    camera, centre and scale refer to the rectified image.
+    camera and for a lens with distortion, centre and scale refer to the corrected image.
     """
 
     center_px: Vec
@@ -74,8 +101,8 @@ class ImageGeometry(Struct, frozen=True):
     mm_per_px: float
     mirrored: bool
     """Whether the image as stored is left-right mirrored (seen through one mirror)."""
-    frontal_from_image: Homography | None = None
-    """From the image as stored to the view of a camera perpendicular to the section."""
+    frontal_from_image: ImageMap | None = None
+    """From the image as stored to the view of a camera perpendicular to the section, without distortion."""
     axial_mm_per_px: float | None = None
     """Vertical scale where it differs from `mm_per_px`: the pixels of a B-scan are not square."""
     slices: Slices | None = None

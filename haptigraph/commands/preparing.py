@@ -25,7 +25,7 @@ __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
     epilog=examples(
         "haptigraph register clip.mp4 -o eye.toml --target 602,641",
         "haptigraph register eye.png -o eye.toml --trocar right --target-mm 1.5 --diameter-mm 23.5",
-        "haptigraph register clip.mp4 -o eye.toml --set source.rotate_deg=180",
+        "haptigraph register clip.mp4 -o eye.toml --lens lens.toml --set source.rotate_deg=180",
         "haptigraph register --rig rig/d405.toml clip.mp4 -o eye.toml",
         "haptigraph register --volumes scans/needle -o needle.npz --voxel-mm 0.0058,0.079,0.051",
     )
@@ -50,6 +50,7 @@ __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
 @click.option(
     "--rig", metavar="RIG.TOML", help="Design of the set-up: where to search, scale, mirror, target."
 )
+@click.option("--lens", metavar="FILE", help="Lens of the camera, from `haptigraph calibrate camera`.")
 @click.option("--picture", metavar="FILE", help="PNG to draw; default: beside the registration.")
 @click.option("--images", default=40, show_default=True, help="Number of images of SOURCE to use.")
 @click.option("--force", is_flag=True, help="Overwrite existing files.")
@@ -90,6 +91,8 @@ def register(
     if is_bscan_source(source):
         if rig is not None:
             raise BadInput("--rig is for an eye before a camera; B-scans have no rig")
+        if overrides["lens"] is not None:
+            raise BadInput("--lens is for cameras; B-scans have no lens distortion to correct")
         click.echo(
             register_scans(source, output, settings, picture, force=force, max_images=overrides["images"])
         )

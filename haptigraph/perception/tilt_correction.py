@@ -1,10 +1,10 @@
-"""Tilt correction: images of a tilted camera, turned into those of a frontal one, for any perceiver."""
+"""Correct images once, for any perceiver: those of a tilted camera with a distorting lens become frontal."""
 
 from msgspec.structs import replace
 
 from haptigraph.imaging import tilt_corrected
 from haptigraph.messages import Capture, Observation
-from haptigraph.projection import Homography
+from haptigraph.projection import ImageMap
 from haptigraph.registration.camera import Registration
 from haptigraph.stages import Perceiver
 
@@ -12,16 +12,16 @@ __all__ = ["TiltCorrectedPerceiver"]
 
 
 class TiltCorrectedPerceiver:
-    """Give a perceiver tilt-corrected images.
+    """Give a perceiver images that are corrected for the camera's tilt and its lens.
 
     Args:
         perceiver: Made for `registration.frontal`.
-        registration: Of the tilted camera.
-        frontal_from_image: Its homography.
+        registration: Of the camera.
+        frontal_from_image: Its map to the frontal image.
     """
 
     def __init__(
-        self, perceiver: Perceiver, registration: Registration, frontal_from_image: Homography
+        self, perceiver: Perceiver, registration: Registration, frontal_from_image: ImageMap
     ) -> None:
         self._perceiver = perceiver
         self._registration = registration

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from haptigraph.toml_document import Document
 
 __all__ = [
+    "LENS",
     "MIRROR",
     "POSITIONS",
     "RIM",
@@ -22,13 +23,14 @@ __all__ = [
     "needs_consent",
 ]
 
-TARGET, TROCAR, SCALE, MIRROR, RIM = "target", "trocar", "scale", "mirror", "rim"
+TARGET, TROCAR, SCALE, MIRROR, RIM, LENS = "target", "trocar", "scale", "mirror", "rim", "lens"
 POSITIONS = ("globe", "retina", TROCAR, TARGET)
 WORDS = {
     **{name: f"the {name}" for name in POSITIONS},
     RIM: "the rim's position in the section",
     SCALE: "the scale",
     MIRROR: "the mirroring of the image",
+    LENS: "a lens without distortion (points may be more than 3 px off; see haptigraph calibrate)",
 }
 
 

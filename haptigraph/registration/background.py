@@ -6,7 +6,7 @@ from msgspec import Struct
 
 from haptigraph.imaging import Mask, tilt_corrected
 from haptigraph.messages import Image
-from haptigraph.projection import Homography
+from haptigraph.projection import ImageMap
 
 __all__ = ["BackgroundImage"]
 
@@ -39,7 +39,7 @@ class BackgroundImage(Struct, frozen=True, eq=False):
         bgra = np.dstack([self.image * self.is_known[..., None], alpha])
         return cv2.imencode(".webp", bgra, [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY])[1].tobytes()
 
-    def tilt_corrected(self, frontal_from_image: Homography) -> "BackgroundImage":
+    def tilt_corrected(self, frontal_from_image: ImageMap) -> "BackgroundImage":
         """Return the background image in the frontal view."""
         known = tilt_corrected(self.is_known.astype(np.uint8) * 255, frontal_from_image) == 255
         return BackgroundImage(tilt_corrected(self.image, frontal_from_image), known)

@@ -23,10 +23,12 @@ from haptigraph.geometry import (
     subtract,
 )
 from haptigraph.imaging import Rotation, Turn
-from haptigraph.projection import Homography, ImageGeometry
+from haptigraph.lens import Lens
+from haptigraph.projection import Homography, ImageGeometry, ImageMap, image_map
 from haptigraph.registration.assumed import check_assumed
 from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.depth import DepthPlane, check_depth
+from haptigraph.registration.lens_file import check_lens
 from haptigraph.registration.registered import VIEW_MARGIN, BaseRegistration
 from haptigraph.registration.text import AnatomyPx, TrocarPx, check_format
 from haptigraph.toml_document import Document
@@ -96,6 +98,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     assumed: tuple[str, ...] = ()
     source: _Source = _Source()
     depth: DepthPlane | None = None
+    lens: Lens | None = None
 
 
 class Registration(BaseRegistration, frozen=True):
@@ -130,10 +133,10 @@ class Registration(BaseRegistration, frozen=True):
 
     @property
     def frontal(self) -> "Registration":
-        """The same registration for tilt-corrected (frontal) images."""
-        homography = self.image.frontal_from_image
+        """The same registration for tilt-corrected (frontal) images without distortion."""
+        frontal = self.image.frontal_from_image
         background = (
-            self.background.tilt_corrected(homography) if self.background and homography else self.background
+            self.background.tilt_corrected(frontal) if self.background and frontal else self.background
         )
         return replace(self, image=replace(self.image, frontal_from_image=None), background=background)
 
@@ -151,11 +154,12 @@ def anatomy_px(registration: Registration) -> AnatomyPx:
         contour_px=data.retina.contour_px,
         target_px=data.target.point_px,
         trocars=tuple(TrocarPx(each.name, each.point_px, each.used) for each in data.trocars),
-        frontal_from_image=registration.image.frontal_from_image,
+        frontal_from_image=_homography(data),
         background_webp=_webp(data),
         assumed=registration.assumed,
         turn=registration.turn,
         depth=registration.depth,
+        lens=data.lens,
     )
 
 
@@ -229,16 +233,25 @@ def _check_image_and_globe(document: Document, data: _File) -> None:
         )
 
 
-def _frontal_from_image(document: Document, data: _File) -> Homography | None:
-    """Return the homography, if there is one and a camera before the eye can have it."""
-    if data.homography is None:
-        return None
-    path, homography = "homography.straight_from_image", Homography(data.homography.frontal_from_image)
-    corners = np.array([(x, y, 1) for x in (0, data.image.width) for y in (0, data.image.height)])
-    if not (corners @ homography.matrix[2] > 0).all():
+def _homography(data: _File) -> Homography | None:
+    return Homography(data.homography.frontal_from_image) if data.homography else None
+
+
+def _frontal_from_image(document: Document, data: _File) -> ImageMap | None:
+    """Return the map to the frontal image, if there is one and a camera before the eye can have it."""
+    size, homography = (data.image.width, data.image.height), _homography(data)
+    if data.lens is not None:
+        check_lens(document, data.lens, *size)
+    frontal = image_map(data.lens, homography)
+    if homography is None or frontal is None:
+        return frontal
+    path = "homography.straight_from_image"
+    corners = [(float(x), float(y)) for x in (0, data.image.width) for y in (0, data.image.height)]
+    ideal = np.array([(*(data.lens.undistorted(corner) if data.lens else corner), 1) for corner in corners])
+    if not (ideal @ homography.matrix[2] > 0).all():
         raise document.error("the homography maps a part of the image to infinity", path)
     x, y = data.globe.center_px
-    (px, py), (rx, ry), (dx, dy) = (homography(point) for point in ((x, y), (x + 1, y), (x, y + 1)))
+    (px, py), (rx, ry), (dx, dy) = (frontal(point) for point in ((x, y), (x + 1, y), (x, y + 1)))
     area = (rx - px) * (dy - py) - (ry - py) * (dx - px)
     low, high = FRONTAL_SCALE
     if not low**2 <= area <= high**2:
@@ -247,7 +260,7 @@ def _frontal_from_image(document: Document, data: _File) -> Homography | None:
             f"{low**2:g} to {high**2:g} is plausible",
             path,
         )
-    return homography
+    return frontal
 
 
 def _background_image(document: Document, data: _File) -> BackgroundImage | None:

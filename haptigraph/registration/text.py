@@ -8,7 +8,8 @@ from msgspec import Struct
 
 from haptigraph.geometry import Vec
 from haptigraph.imaging import UPRIGHT, Turn
-from haptigraph.projection import Homography
+from haptigraph.lens import Lens
+from haptigraph.projection import Homography, ImageMap, image_map
 from haptigraph.registration.depth import DepthPlane, depth_table
 from haptigraph.toml_document import Document
 
@@ -19,6 +20,7 @@ __all__ = [
     "AnatomyPx",
     "TrocarPx",
     "check_format",
+    "lens_table",
     "registration_text",
     "scan_registration_text",
 ]
@@ -46,13 +48,13 @@ class AnatomyPx(Struct, frozen=True):
     mirrored: bool
     center_px: Vec
     radius_px: float
-    """In the frontal image, if there is a homography."""
+    """In the frontal image, if there is a homography or a lens."""
     diameter_mm: float
     contour_px: tuple[Vec, ...]
     target_px: Vec
     trocars: tuple[TrocarPx, ...]
     frontal_from_image: Homography | None = None
-    """To the frontal image, where the camera is tilted."""
+    """To the frontal image, where the camera is tilted; with a lens, from the image without distortion."""
     background_webp: bytes = b""
     """Reference image without instrument; transparent where the instrument always occludes the eye."""
     turn: Turn = UPRIGHT
@@ -60,6 +62,14 @@ class AnatomyPx(Struct, frozen=True):
     assumed: tuple[str, ...] = ()
     """What was neither measured nor stated, by name (`registration.assumed`)."""
     depth: DepthPlane | None = None
+    """Where the section is in depth images; None: not known."""
+    lens: Lens | None = None
+    """The calibrated lens; None: the image is taken as free of distortion."""
+
+    @property
+    def frontal_map(self) -> ImageMap | None:
+        """To the frontal image without distortion; None if the image is that."""
+        return image_map(self.lens, self.frontal_from_image)
 
 
 def check_format(document: Document, version: int) -> None:
@@ -94,7 +104,7 @@ contour_px = [{contour}]
 
 [target]
 point_px = {_px(anatomy.target_px)}
-{trocars}{_source_table(anatomy.turn)}{depth_table(anatomy.depth)}{_homography_table(anatomy.frontal_from_image)}{_background_table(anatomy.background_webp)}"""
+{trocars}{_source_table(anatomy.turn)}{depth_table(anatomy.depth)}{lens_table(anatomy.lens)}{_homography_table(anatomy.frontal_from_image)}{_background_table(anatomy.background_webp)}"""
 
 
 def scan_registration_text(
@@ -146,6 +156,24 @@ def _source_table(turn: Turn) -> str:
         return ""
     mirror = str(turn.mirror).lower()
     return f"\n[source]  # as the images were turned\nrotate_deg = {turn.rotate_deg}\nmirror = {mirror}\n"
+
+
+def lens_table(lens: Lens | None) -> str:
+    """Return the table [lens] of a registration or of lens.toml; empty without a lens."""
+    if lens is None:
+        return ""
+    sd = (
+        ""
+        if lens.sd_px is None
+        else f"sd_px = {lens.sd_px:.3g}  # of a corrected point, at the worst place\n"
+    )
+    distortion = ", ".join(f"{value:.9g}" for value in map(float, lens.distortion))
+    return f"""
+[lens]
+focal_px = {_px(lens.focal_px)}
+principal_px = {_px(lens.principal_px)}
+distortion = [{distortion}]  # k1, k2, p1, p2, k3
+{sd}"""
 
 
 def _homography_table(frontal_from_image: Homography | None) -> str:

@@ -12,7 +12,9 @@ SERIAL = "130322270000"
 class SoftwareCamera:
     """A D405 as the SDK presents it: colour comes from the stereo module."""
 
-    def __init__(self, size_px=(128, 96), rate_hz=30, serial=SERIAL, colour=True, fmt=rs.format.bgr8):
+    def __init__(
+        self, size_px=(128, 96), rate_hz=30, serial=SERIAL, colour=True, fmt=rs.format.bgr8, intrinsics=None
+    ):
         self.size_px, self.fmt = size_px, fmt
         self.device = rs.software_device()
         self.device.register_info(rs.camera_info.name, "Intel RealSense D405")
@@ -21,7 +23,7 @@ class SoftwareCamera:
         stream = rs.video_stream()
         stream.type, stream.uid, stream.fps = rs.stream.color if colour else rs.stream.infrared, 1, rate_hz
         stream.width, stream.height = size_px
-        stream.bpp, stream.fmt, stream.intrinsics = 3, fmt, rs.intrinsics()
+        stream.bpp, stream.fmt, stream.intrinsics = 3, fmt, intrinsics or rs.intrinsics()
         self.profile = self.sensor.add_video_stream(stream).as_video_stream_profile()
 
     def push(self, number, stamp_ms, image, domain=rs.timestamp_domain.global_time):

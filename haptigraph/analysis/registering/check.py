@@ -15,6 +15,7 @@ from haptigraph.analysis.registering.overrides import SNAP_MM
 from haptigraph.analysis.registering.report import (
     WALL_MM,
     along_text,
+    lens_line,
     rim_line,
     tilt_line,
     trocar_evidence,
@@ -65,12 +66,12 @@ def check_draft(opened: OpenedSource, draft: Draft) -> Checked:
     Raises:
         BadInput: If a point is far outside the image.
     """
-    homography = anatomy_px_of(opened, draft).frontal_from_image
+    frontal = anatomy_px_of(opened, draft).frontal_map
     image = ImageGeometry(
-        center_px=homography(draft.center_px) if homography else draft.center_px,
+        center_px=frontal(draft.center_px) if frontal else draft.center_px,
         mm_per_px=draft.diameter_mm / (2 * draft.radius_px),
         mirrored=draft.mirrored,
-        frontal_from_image=homography,
+        frontal_from_image=frontal,
     )
     try:  # without the background image, which would be decoded at every drag
         checked_registration(replace(opened, background_webp=b""), draft)
@@ -100,7 +101,11 @@ def _rows(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, retina: P
         _retina(anatomy, image, retina, edge_mm),
         _target(draft, image, retina),
         *(_trocar(anatomy, draft, image, number) for number in range(len(draft.trocars))),
-        *([_report_row(anatomy, image, tilt_line)] if anatomy else []),
+        *(
+            [_report_row(anatomy, image, tilt_line), _report_row(anatomy, image, lens_line)]
+            if anatomy
+            else []
+        ),
     ]
 
 
@@ -111,9 +116,7 @@ def _edge_mm(anatomy: Anatomy, image: ImageGeometry) -> Floats:
     right = anatomy.center_px[0] + radii * np.sin(edge.angles)
     down = anatomy.center_px[1] + radii * np.cos(edge.angles)
     points: list[Vec] = list(zip(right.tolist(), down.tolist(), strict=True))
-    if anatomy.tilt is not None:
-        points = list(map(anatomy.tilt.image_from_frontal, points))
-    return np.array([image.to_mm(point) for point in points])
+    return np.array([image.to_mm(anatomy.image_px(point)) for point in points])
 
 
 def _globe(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, edge_mm: Floats | None) -> Row:

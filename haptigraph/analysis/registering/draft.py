@@ -28,6 +28,7 @@ from haptigraph.analysis.registering.report import in_px_and_mm
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
 from haptigraph.imaging import UPRIGHT, Turn
+from haptigraph.lens import Lens
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
@@ -87,6 +88,8 @@ class Draft(Struct, frozen=True, forbid_unknown_fields=True):
     """To the frontal image, where the camera is tilted; not editable."""
     assumed: Annotated[tuple[Name, ...], Meta(max_length=10)] = ()
     """What is neither measured nor stated, by name; an edit of it removes the name."""
+    lens: Lens | None = None
+    """The calibrated lens; not editable."""
     file: NameOrNone = ""
     """Name of the file it was read from, if any."""
 
@@ -260,6 +263,7 @@ def _draft(data: AnatomyPx, trocars: tuple[DraftTrocar, ...]) -> Draft:
         trocars=trocars,
         frontal_from_image=data.frontal_from_image,
         assumed=data.assumed,
+        lens=data.lens,
     )
 
 

@@ -11,12 +11,13 @@ from haptigraph.geometry import Polyline, Vec, nearest_on_polyline
 from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
 from haptigraph.projection import ImageGeometry
-from haptigraph.registration.assumed import MIRROR, RIM, SCALE, TARGET, in_order
+from haptigraph.registration.assumed import LENS, MIRROR, RIM, SCALE, TARGET, in_order
 from haptigraph.registration.camera import DIAMETER_RANGE_MM
 from haptigraph.registration.retarget import point_on_retina, retina_angle_rad
 from haptigraph.registration.text import AnatomyPx, TrocarPx
 
 __all__ = [
+    "MAX_LENS_RISK_PX",
     "NOT_UPRIGHT",
     "Overrides",
     "apply_overrides",
@@ -26,6 +27,7 @@ __all__ = [
 ]
 
 ADULT_GLOBE_MM = 24.0
+MAX_LENS_RISK_PX = 3.0
 SNAP_MM = 1.5
 """Maximum distance from the retina of a target given in pixels."""
 UPRIGHT_HINT = (
@@ -46,6 +48,8 @@ class Overrides(Struct, frozen=True):
     images: int = 40
     turn: Turn = UPRIGHT
     """How the source's images are turned."""
+    lens: str | None = None
+    """Path of lens.toml, for images before they are turned."""
 
     @property
     def is_mirrored(self) -> bool:
@@ -90,9 +94,8 @@ def apply_overrides(anatomy: Anatomy, overrides: Overrides, mm_per_px: float, so
     Raises:
         BadInput: If an override does not fit what was found.
     """
-    homography = anatomy.tilt.frontal_from_image if anatomy.tilt else None
     frontal = ImageGeometry(anatomy.center_px, mm_per_px, overrides.is_mirrored)
-    image = replace(frontal, frontal_from_image=homography)
+    image = replace(frontal, frontal_from_image=anatomy.frontal_map)
     retina = Polyline(tuple(frontal.to_mm(point) for point in anatomy.contour_px))
     trocars = _with_used(named_trocars(anatomy, overrides.is_mirrored), anatomy, overrides.trocar, source)
     return AnatomyPx(
@@ -107,10 +110,16 @@ def apply_overrides(anatomy: Anatomy, overrides: Overrides, mm_per_px: float, so
         ),
         target_px=image.to_px(_target_point_mm(retina, image, overrides, source)),
         trocars=tuple(replace(trocar, point_px=anatomy.image_px(trocar.point_px)) for trocar in trocars),
-        frontal_from_image=homography,
+        frontal_from_image=anatomy.tilt.frontal_from_image if anatomy.tilt else None,
+        lens=anatomy.lens,
         turn=overrides.turn,
-        assumed=in_order((*overrides.assumed, *(() if anatomy.rim_evidence else (RIM,)))),
+        assumed=in_order((*overrides.assumed, *_assumed_of_camera(anatomy))),
     )
+
+
+def _assumed_of_camera(anatomy: Anatomy) -> tuple[str, ...]:
+    rim = () if anatomy.rim_evidence else (RIM,)
+    return (*rim, LENS) if (anatomy.lens_risk_px or 0.0) > MAX_LENS_RISK_PX else rim
 
 
 def named_trocars(anatomy: Anatomy, mirrored: bool) -> list[tuple[str, FoundTrocar]]:

@@ -26,6 +26,7 @@ from haptigraph.config import Config, SourceConfig
 from haptigraph.errors import BadInput
 from haptigraph.files import write_files
 from haptigraph.imaging import UPRIGHT, Turn
+from haptigraph.lens import Lens
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy, find_anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
@@ -34,6 +35,7 @@ from haptigraph.perception.anatomy.upright import enters_elsewhere
 from haptigraph.recording.codec import decode
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
+from haptigraph.registration.lens_file import load_lens
 from haptigraph.registration.loading import parse_camera_registration, parse_registration
 from haptigraph.registration.text import registration_text
 from haptigraph.sources.naming import CAMERAS, split_source
@@ -91,12 +93,13 @@ def register_source(
         images = spread_images(available, source, overrides.images, progress)
     if design:
         design.check_images(images[0], overrides, source)
-    anatomy = plausible_anatomy(images, overrides.globe_mm, source, design.expected if design else None)
+    overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
+    expected, lens = design.expected if design else None, _lens(overrides, images)
+    anatomy = plausible_anatomy(images, overrides.globe_mm, source, expected, lens)
     has_target = overrides.target is None and overrides.target_mm is None
     if design:
         anatomy = design.completed(anatomy)
         overrides = design.placed(overrides, anatomy)
-    overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
     if overrides.trocar is None and enters_elsewhere(images, anatomy):
         raise BadInput(f"{NOT_UPRIGHT}; if it is upright, give --trocar", source)
     mm_per_px = overrides.globe_mm / (2 * anatomy.radius_px)
@@ -115,8 +118,19 @@ def register_source(
     return "\n".join(report_lines(anatomy, found, registration, overrides, files, about_design))
 
 
+def _lens(overrides: Overrides, images: Sequence[Image]) -> Lens | None:
+    if overrides.lens is None:
+        return None
+    height_px, width_px = images[0].shape[:2]
+    return load_lens(overrides.lens).for_images((width_px, height_px), overrides.turn, overrides.lens)
+
+
 def plausible_anatomy(
-    images: Sequence[Image], diameter_mm: float, source: str, expected: Expected | None = None
+    images: Sequence[Image],
+    diameter_mm: float,
+    source: str,
+    expected: Expected | None = None,
+    lens: Lens | None = None,
 ) -> Anatomy:
     """Find the anatomy, where it is expected if its design is known; refuse what is not a plausible eye.
 
@@ -124,7 +138,7 @@ def plausible_anatomy(
         BadInput: If something cannot be found or is implausible; it names the source.
     """
     try:
-        anatomy = find_anatomy(images, expected)
+        anatomy = find_anatomy(images, expected, lens)
     except BadInput as error:
         raise BadInput(error.problem, source) from None
     _check_plausible(anatomy, diameter_mm / (2 * anatomy.radius_px), source)

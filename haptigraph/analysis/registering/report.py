@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from haptigraph.analysis.registering.depth import depth_line
-from haptigraph.analysis.registering.overrides import Overrides, named_trocars
+from haptigraph.analysis.registering.overrides import MAX_LENS_RISK_PX, Overrides, named_trocars
 from haptigraph.geometry import Vec
 from haptigraph.imaging import UPRIGHT
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.anatomy.rcm import Rcm
-from haptigraph.registration.assumed import MIRROR, SCALE, TARGET, assumed_text, needs_consent
+from haptigraph.registration.assumed import LENS, MIRROR, SCALE, TARGET, assumed_text, needs_consent
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.retarget import retina_angle_rad
 from haptigraph.registration.text import AnatomyPx, TrocarPx
@@ -19,6 +19,7 @@ __all__ = [
     "WALL_MM",
     "along_text",
     "in_px_and_mm",
+    "lens_line",
     "report_lines",
     "rim_line",
     "tilt_line",
@@ -28,7 +29,12 @@ __all__ = [
 
 WALL_MM = (0.3, 4.0)
 """Plausible thickness of the globe's wall."""
-STATED_BY = {TARGET: "--target or --target-mm", SCALE: "--diameter-mm", MIRROR: "--[not-]mirrored"}
+STATED_BY = {
+    TARGET: "--target or --target-mm",
+    SCALE: "--diameter-mm",
+    MIRROR: "--[not-]mirrored",
+    LENS: "--lens",
+}
 RIM_EVIDENCE = {
     "design": "the design",
     "needle": "the needle's remote centre of motion",
@@ -57,6 +63,7 @@ def report_lines(
         f"globe      centre ({found.center_px[0]:.1f}, {found.center_px[1]:.1f}) px, radius "
         f"{found.radius_px:.1f} px; residual {in_px_and_mm(inner.residual_px, mm)} on {support:.0%} of it",
         tilt_line(anatomy, mm),
+        lens_line(anatomy, mm),
         f"scale      {mm:.5f} mm/px, from a diameter of {found.diameter_mm:g} mm",
     ]
     if outer is not None:
@@ -108,6 +115,19 @@ def tilt_line(anatomy: Anatomy, mm_per_px: float) -> str:
     return (
         f"tilt       {anatomy.tilt.angle_deg:.1f} deg, the image's {' and '.join(sides)} side farther; "
         f"a homography is written; after correction, {out_of_round}"
+    )
+
+
+def lens_line(anatomy: Anatomy, mm_per_px: float) -> str:
+    """Describe the lens, or how far one that nobody calibrated may put points off."""
+    if (lens := anatomy.lens) is not None:
+        sd = "not stated" if lens.sd_px is None else in_px_and_mm(lens.sd_px, mm_per_px)
+        return f"lens       corrected as calibrated; uncertainty of corrected points: {sd}"
+    risk_px = anatomy.lens_risk_px or 0.0
+    more = "; calibrate it: haptigraph calibrate camera" if risk_px > MAX_LENS_RISK_PX else ""
+    return (
+        f"lens       {'NOT CALIBRATED' if more else 'not calibrated'}; its distortion may put points off by "
+        f"{in_px_and_mm(risk_px, mm_per_px)}{more}"
     )
 
 

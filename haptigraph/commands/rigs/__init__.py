@@ -1,1 +1,1 @@
-"""Commands of rigs: whether one is set up as a run relies on."""
+"""Commands of rigs: the camera's lens, and whether a rig is set up as a run relies on."""

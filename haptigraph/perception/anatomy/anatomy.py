@@ -15,10 +15,12 @@ from msgspec import Struct
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec, subtract, unit
 from haptigraph.imaging import tilt_corrected
+from haptigraph.lens import Lens
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.camera_tilt import find_camera_tilt
 from haptigraph.perception.anatomy.edge import Edge
 from haptigraph.perception.anatomy.expected import Expected
+from haptigraph.perception.anatomy.lens_risk import lens_risk_px
 from haptigraph.perception.anatomy.moving_shaft import find_rcms, median_image
 from haptigraph.perception.anatomy.port_opening import (
     MAX_OPENINGS,
@@ -30,6 +32,7 @@ from haptigraph.perception.anatomy.port_opening import (
 from haptigraph.perception.anatomy.rcm import Rcm
 from haptigraph.perception.anatomy.rim import Rim, find_rim
 from haptigraph.perception.anatomy.tracked_rcm import tracked_rcm
+from haptigraph.projection import ImageMap, LensMap, image_map
 from haptigraph.registration.tilt import CameraTilt
 
 __all__ = ["Anatomy", "FoundTrocar", "find_anatomy"]
@@ -82,34 +85,48 @@ class Anatomy(Struct, frozen=True, eq=False):
     """Standard deviation of globe and retina due to that of `rim_ratio`, at the worst point."""
     rim_evidence: tuple[str, ...]
     """What `rim_ratio` was estimated from: "design", "needle", "port_openings" or nothing."""
+    lens: Lens | None = None
+    """The calibrated lens, if there is one."""
+    lens_risk_px: float | None = None
+    """Without one, the error that its distortion does not exceed with a probability of 95 %."""
+
+    @property
+    def frontal_map(self) -> ImageMap | None:
+        """From the image as stored to the frontal view; None if they are the same."""
+        return image_map(self.lens, self.tilt.frontal_from_image if self.tilt else None)
 
     def image_px(self, frontal_px: Vec) -> Vec:
         """Map a point from the frontal view to the image as stored."""
-        return self.tilt.image_from_frontal(frontal_px) if self.tilt else frontal_px
+        return self.frontal_map.inverse(frontal_px) if self.frontal_map else frontal_px
 
     def frontal_px(self, point_px: Vec) -> Vec:
         """Map a point from the image as stored to the frontal view."""
-        return self.tilt.frontal_from_image(point_px) if self.tilt else point_px
+        return self.frontal_map(point_px) if self.frontal_map else point_px
 
 
-def find_anatomy(images: Sequence[Image], expected: Expected | None = None) -> Anatomy:
+def find_anatomy(
+    images: Sequence[Image], expected: Expected | None = None, lens: Lens | None = None
+) -> Anatomy:
     """Find globe, retina and trocars.
 
     Args:
         images: At least one, all of one size, from a camera at rest; best with a moving needle.
         expected: Where the design of the set-up has them: they are first searched there.
+        lens: The camera's lens, if it was calibrated.
 
     Raises:
         BadInput: If there is no eye, or it is cut off or blurred.
     """
     reference = frontal = median_image(images)
     principal_px = (reference.shape[1] - 1) / 2, (reference.shape[0] - 1) / 2
-    rim = find_rim(reference, expected)
-    tilt = find_camera_tilt(rim, principal_px, expected)
-    if tilt is not None:
-        homography = tilt.frontal_from_image
-        frontal = tilt_corrected(reference, homography)
-        images = [tilt_corrected(image, homography) for image in images]
+    if lens is not None:
+        frontal, principal_px = tilt_corrected(reference, LensMap(lens)), lens.principal_px
+    rim = find_rim(frontal, expected)
+    tilt = find_camera_tilt(rim, principal_px, expected, lens.ideal_focal_px if lens else None)
+    if frontal_map := image_map(lens, tilt.frontal_from_image if tilt else None):
+        images = [tilt_corrected(image, frontal_map) for image in images]
+    if frontal_map and tilt:
+        frontal = tilt_corrected(reference, frontal_map)
         rim = find_rim(frontal, expected)
     foot_x, foot_y = tilt.foot_px if tilt else principal_px
     rough = find_rcms(images, frontal, rim) if len(images) > 1 else ()
@@ -142,6 +159,8 @@ def find_anatomy(images: Sequence[Image], expected: Expected | None = None) -> A
         rim_uncertainty_px=excess_sd
         * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
         rim_evidence=rim_evidence,
+        lens=lens,
+        lens_risk_px=None if lens else lens_risk_px(rim, tilt, (reference.shape[1], reference.shape[0])),
     )
 
 

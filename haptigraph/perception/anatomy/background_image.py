@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from haptigraph.imaging import colored, tilt_corrected
+from haptigraph.imaging import colored, tilt_corrected, tilt_restored
 from haptigraph.messages import Image
 from haptigraph.perception.needle.background import occluded_ends, stripe
 from haptigraph.perception.needle.rectify import EyeGeometry
@@ -37,8 +37,8 @@ def find_background_image(
     Returns:
         None if too few images have a needle detection: a needle at rest would become part of the background.
     """
-    homography, frontal = registration.image.frontal_from_image, registration.frontal
-    views = (tilt_corrected(image, homography) for image in images) if homography else images
+    image_map, frontal = registration.image.frontal_from_image, registration.frontal
+    views = (tilt_corrected(image, image_map) for image in images) if image_map else images
     detections = detections_in(views, frontal)
     if len(detections) - detections.count(None) < MIN_DETECTIONS:
         return None
@@ -46,7 +46,7 @@ def find_background_image(
     for number, detection in enumerate(detections):
         if detection is not None:
             occluded = _occluded(eye, detection)
-            is_free[number] = (tilt_corrected(occluded, homography.inverse) if homography else occluded) == 0
+            is_free[number] = (tilt_restored(occluded, image_map) if image_map else occluded) == 0
     unoccluded = np.count_nonzero(is_free, axis=0)
     background, is_known = colored(reference).copy(), unoccluded >= MIN_UNOCCLUDED
     is_replaced = is_known & (unoccluded < len(images))

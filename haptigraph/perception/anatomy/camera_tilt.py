@@ -16,37 +16,50 @@ from haptigraph.perception.anatomy.expected import Expected
 from haptigraph.perception.anatomy.rim import Rim
 from haptigraph.registration.tilt import CameraTilt
 
-__all__ = ["find_camera_tilt"]
+__all__ = ["Prior", "edge_points", "find_camera_tilt", "fit_circles"]
 
 MIN_DEVIATION_PX = 0.5  # from concentric circles; less may be irregularity of an edge
 CLOSENESS_PRIOR = (0.15, 0.1)  # mean and standard deviation of globe radius / camera distance
+KNOWN_CLOSENESS_SD = 0.005  # with a calibrated focal length; the rim may lie in front of the section
 MAX_CLOSENESS = 0.5
 EDGE_SD_PX = 1.0  # of one ray; the errors of neighbours are correlated
 REPEATED_RAYS = 30  # so many neighbours share one error: a prior of the design counts against fewer rays
 MAX_ITERATIONS = 40
 
 
-class _Prior(Struct, frozen=True):
+class Prior(Struct, frozen=True):
     """What is known of a camera before its image."""
 
     closeness: tuple[float, float] = CLOSENESS_PRIOR
     tilt_sd_rad: float = math.inf
 
     @classmethod
-    def of(cls, expected: Expected) -> "_Prior":
-        """Return what the design tells, on the scale of rays that repeat their neighbours' errors."""
+    def of(cls, expected: Expected | None, closeness: float | None) -> "Prior":
+        """Return what the design says, on the scale of rays that repeat their neighbours' errors.
+
+        Args:
+            expected: The anatomy as designed, if known.
+            closeness: By a calibrated focal length, if there is one.
+        """
+        known = CLOSENESS_PRIOR if closeness is None else (closeness, KNOWN_CLOSENESS_SD)
+        if expected is None:
+            return cls(known)
         share = 1 / math.sqrt(REPEATED_RAYS)
-        closeness = expected.closeness, expected.closeness_sd * share
-        return cls(closeness, math.radians(expected.tilt_sd_deg) * share)
+        if closeness is None:
+            known = expected.closeness, expected.closeness_sd * share
+        return cls(known, math.radians(expected.tilt_sd_deg) * share)
 
 
-def find_camera_tilt(rim: Rim, principal_px: Vec, expected: Expected | None = None) -> CameraTilt | None:
+def find_camera_tilt(
+    rim: Rim, principal_px: Vec, expected: Expected | None = None, focal_px: float | None = None
+) -> CameraTilt | None:
     """Fit the camera's tilt to the rim.
 
     Args:
         rim: Both edges of the wall.
-        principal_px: The principal point, assumed at the image centre.
+        principal_px: The principal point; without a calibration, that is assumed at the image centre.
         expected: The anatomy as designed, if known.
+        focal_px: The focal length, if it was calibrated.
 
     Returns:
         None if no tilt is measurable, or the outer edge of the wall was not detected.
@@ -57,22 +70,23 @@ def find_camera_tilt(rim: Rim, principal_px: Vec, expected: Expected | None = No
     offset_px = math.dist(inner.center_px, outer.center_px)
     if max(inner.out_of_round_px, outer.out_of_round_px, offset_px) < MIN_DEVIATION_PX:
         return None
-    points = _edge_points(inner), _edge_points(outer)
-    prior = _Prior.of(expected) if expected else _Prior()
-    fits = [_fit(start, points, principal_px, prior) for start in _initial_guesses(inner, outer)]
+    points = edge_points(inner), edge_points(outer)
+    prior = Prior.of(expected, inner.radius_px / focal_px if focal_px else None)
+    starts = _initial_guesses(inner, outer, CLOSENESS_PRIOR[0] if focal_px is None else prior.closeness[0])
+    fits = [fit_circles(start, points, principal_px, prior) for start in starts]
     _, best = min(fits, key=lambda fit: fit[0])
     x, y, radius, right, down, closeness, _ = (float(value) for value in best)
     return CameraTilt((x, y), (right, down), radius / closeness, principal_px)
 
 
-def _edge_points(edge: Edge) -> Floats:
+def edge_points(edge: Edge) -> Floats:
     """Return the measured points of an edge, (n, 2)."""
     radii = edge.radii_px(edge.angles) + edge.offsets_px
     directions = np.stack([np.sin(edge.angles), np.cos(edge.angles)], axis=1)
     return np.asarray(np.array(edge.center_px) + radii[:, None] * directions)
 
 
-def _initial_guesses(inner: Edge, outer: Edge) -> list[Floats]:
+def _initial_guesses(inner: Edge, outer: Edge, closeness: float) -> list[Floats]:
     """Return initial parameters: tilted in either direction along the ellipse's minor axis."""
     radius = inner.radius_px + inner.out_of_round_px
     # The major axis is where the second harmonic of the radius has its maximum.
@@ -86,7 +100,7 @@ def _initial_guesses(inner: Edge, outer: Edge) -> list[Floats]:
                 radius,
                 sign * angle * math.sin(minor),
                 sign * angle * math.cos(minor),
-                CLOSENESS_PRIOR[0],
+                closeness,
                 outer.radius_px / inner.radius_px,
             ]
         )
@@ -94,8 +108,12 @@ def _initial_guesses(inner: Edge, outer: Edge) -> list[Floats]:
     ]
 
 
-def _fit(
-    start: Floats, points: tuple[Floats, Floats], principal_px: Vec, prior: _Prior
+def fit_circles(
+    start: Floats,
+    points: tuple[Floats, Floats],
+    principal_px: Vec,
+    prior: Prior,
+    iterations: int = MAX_ITERATIONS,
 ) -> tuple[float, Floats]:
     """Minimise the sum of squares with damped Gauss-Newton steps; return it and the parameters."""
     values, damping = start, 1e-3
@@ -107,7 +125,7 @@ def _fit(
         before = _residuals(values - step, points, principal_px, prior)
         return np.asarray((after - before) / (2 * step.sum()))
 
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(iterations):
         jacobian = np.stack([slope(step) for step in np.diag(steps)], axis=1)
         normal = jacobian.T @ jacobian
         change = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -jacobian.T @ residuals)
@@ -123,7 +141,7 @@ def _fit(
     return float(residuals @ residuals), values
 
 
-def _residuals(values: Floats, points: tuple[Floats, Floats], principal_px: Vec, prior: _Prior) -> Floats:
+def _residuals(values: Floats, points: tuple[Floats, Floats], principal_px: Vec, prior: Prior) -> Floats:
     """Return the distances of the points from their circles in the frontal view [standard deviations]."""
     x, y, radius, right, down, closeness, wall = values
     tilt = CameraTilt((x, y), (right, down), radius / closeness, principal_px)

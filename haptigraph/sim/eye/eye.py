@@ -9,7 +9,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from haptigraph.geometry import Vec, rotate, unit
-from haptigraph.projection import ImageGeometry
+from haptigraph.projection import ImageGeometry, LensMap
 from haptigraph.registration.depth import DepthPlane
 from haptigraph.registration.text import AnatomyPx, TrocarPx
 from haptigraph.registration.text import registration_text as write_text
@@ -97,6 +97,8 @@ def registration_text(
 ) -> str:
     """Return the registration of an eye in a camera's images as TOML, offset by an error if one is given."""
     error = error or RegistrationError()
+    frontal = image.frontal_from_image
+    lens, homography = (frontal.lens, frontal.homography) if isinstance(frontal, LensMap) else (None, frontal)
 
     def px(at_mm: Vec, off_px: Vec) -> Vec:
         x, y = image.to_px(at_mm)
@@ -116,8 +118,9 @@ def registration_text(
                 TrocarPx("first", px(eye.trocar_mm, error.trocar_px), used=True),
                 TrocarPx("second", px(eye.other_trocar_mm, error.trocar_px), used=False),
             ),
-            frontal_from_image=image.frontal_from_image,
+            frontal_from_image=homography,
             depth=depth,
+            lens=lens,
         ),
         "Registration of a simulated eye.",
     )

@@ -1,0 +1,1 @@
+"""Calibrate a camera: the ChArUco sheet, its corners in pictures, the lens and its uncertainty."""
