@@ -4,7 +4,7 @@ Evidence: the reference image, the port openings, what moves outside the eye, th
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
@@ -39,13 +39,16 @@ SIDE_DEG = 20.0  # around a trocar: where a needle in it is just outside the eye
 MIN_SIDE_SHARE, MAX_SIDE_SHARE = 0.5, 0.05  # of what moves, on the other and on the registered side
 
 
+Correlation: TypeAlias = float
+
+
 class _Alike(NamedTuple):
     """Correlation of the picture's details with the reference image, as it is and turned."""
 
-    as_is: float
-    mirrored: float
-    rotated: float
-    flipped: float
+    as_is: Correlation
+    mirrored: Correlation
+    rotated: Correlation
+    flipped: Correlation
     """Upside down and mirrored: top and bottom are exchanged."""
 
 
@@ -122,7 +125,7 @@ def _turned(alike: _Alike, other: float) -> bool:
 
 
 def _measured(alike: _Alike | None) -> dict[str, float]:
-    return {f"alike_{name}_share": value for name, value in alike._asdict().items()} if alike else {}
+    return {f"{name}_correlation": value for name, value in alike._asdict().items()} if alike else {}
 
 
 def _alike(view: View) -> _Alike | None:

@@ -10,7 +10,7 @@ from haptigraph.analysis.rig_check.subject import Outcome, Subject
 from haptigraph.findings import Finding
 from haptigraph.version import __version__
 
-__all__ = ["Report", "lines", "report_of"]
+__all__ = ["JudgedSubject", "Report", "lines", "report_of"]
 
 
 class JudgedSubject(Subject, frozen=True, kw_only=True):
