@@ -34,7 +34,7 @@ class _Prior(Struct, frozen=True):
 
     @classmethod
     def of(cls, expected: Expected) -> "_Prior":
-        """Return what the design tells, on the scale of rays that repeat their neighbours' errors."""
+        """Return what the design says, on the scale of rays that repeat their neighbours' errors."""
         share = 1 / math.sqrt(REPEATED_RAYS)
         closeness = expected.closeness, expected.closeness_sd * share
         return cls(closeness, math.radians(expected.tilt_sd_deg) * share)
