@@ -16,6 +16,7 @@ from haptigraph.display import ShownAsHtml
 from haptigraph.geometry import Geometry, Vec
 from haptigraph.grammar import OFF, Follow, ForceField, Pattern
 from haptigraph.graph import SceneGraph, Triplet
+from haptigraph.projection import DepthImage
 
 __all__ = [
     "CERTAIN",
@@ -178,16 +179,6 @@ class ForceSample(Struct, frozen=True):
     """The force that the device was commanded to exert on it."""
     is_engaged: bool
     """Whether the operator held the clutch."""
-
-
-class DepthImage(Struct, frozen=True, eq=False):
-    """Depths along the camera's optical axis, pixel by pixel those of an image or of a part of it."""
-
-    values: NDArray[np.uint16]
-    """(h, w), in units; 0: not measured."""
-    unit_mm: float
-    left_px: int = 0
-    top_px: int = 0
 
 
 class Capture(Struct, frozen=True, eq=False):

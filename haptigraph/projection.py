@@ -12,7 +12,26 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Vec
 from haptigraph.lens import Lens
 
-__all__ = ["DepthCamera", "Homography", "ImageGeometry", "ImageMap", "LensMap", "Slices", "image_map"]
+__all__ = [
+    "DepthCamera",
+    "DepthImage",
+    "Homography",
+    "ImageGeometry",
+    "ImageMap",
+    "LensMap",
+    "Slices",
+    "image_map",
+]
+
+
+class DepthImage(Struct, frozen=True, eq=False):
+    """Depths along the camera's optical axis, pixel by pixel those of an image or of a part of it."""
+
+    values: NDArray[np.uint16]
+    """(h, w), in units; 0: not measured."""
+    unit_mm: float
+    left_px: int = 0
+    top_px: int = 0
 
 
 class Homography(Struct, frozen=True, dict=True):

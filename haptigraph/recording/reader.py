@@ -44,8 +44,7 @@ class RunReader(ShownRun):
 
     `len(run)`, `for step in run`, `run[10]`, `run[-1]`, `run[10:20]`: steps by number, without images;
     `run.at_s[2.5]`, `run.at_s[2.5:4]`: by time. Of a recording that is still being written, these are the
-    steps there were when one of them was first asked for. It holds no file open, except that of a stored
-    video; `with RunReader(path) as run` closes that, too.
+    steps there were when one of them was first asked for. `with RunReader(path) as run` closes a stored video.
 
     Args:
         path: The MCAP file.
@@ -192,12 +191,10 @@ class RunReader(ShownRun):
         """Return the steps at some locations, in order, in one pass."""
         if not places:
             return []
-        wanted = {place.sequence for place in places}
-        found = [
-            self._record(place.sequence, messages, decodes=False)[1]
-            for place, messages in self._groups((), places[0], places[-1])
-            if place.sequence in wanted and is_complete(messages)
-        ]
+        wanted, found = {place.sequence for place in places}, list[Step]()
+        for place, messages in self._groups((), places[0], places[-1]):
+            if place.sequence in wanted and is_complete(messages):
+                found.append(self._record(place.sequence, messages, decodes=False)[1])
         if len(found) < len(places):
             raise self._has_changed(places[0])
         return found

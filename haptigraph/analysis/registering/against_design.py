@@ -5,7 +5,7 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.analysis.registering.design import Design
+from haptigraph.analysis.registering.design import PORT_SD_MM, Design
 from haptigraph.analysis.registering.report import in_px_and_mm
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats
@@ -134,7 +134,10 @@ def _roll(design: Design, anatomy: Anatomy) -> Deviation | None:
     if not offs:
         return None
     off_deg = float(np.median(offs))
-    sd_deg = math.hypot(design.expected.ports_sd_deg, math.degrees(MEASURED_SD_PX / anatomy.radius_px))
+    sd_deg = math.hypot(
+        design.expected.ports_sd_deg,
+        math.degrees(PORT_SD_MM / (design.prediction.rig.eye.diameter_mm / 2)),
+    )
     return Deviation(
         "ports",
         f"{off_deg:+.1f} deg",

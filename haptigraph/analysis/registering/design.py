@@ -19,9 +19,10 @@ from haptigraph.perception.anatomy.port_opening import MIN_SEPARATION_DEG
 from haptigraph.rig.description import load_rig
 from haptigraph.rig.prediction import Prediction, predict
 
-__all__ = ["Design", "load_design"]
+__all__ = ["PORT_SD_MM", "Design", "load_design"]
 
-TROCAR_SD_PX = 0.7  # of one found in the image
+PORT_SD_MM = 0.3
+"""Standard deviation of a port found in the image, along the wall."""
 
 
 class Design(Struct, frozen=True, eq=False):
@@ -124,7 +125,8 @@ class Design(Struct, frozen=True, eq=False):
         expected = self.expected
         prior_sd = float(self.prediction.sd.roll_deg[0])
         print_sd = math.sqrt(max(expected.ports_sd_deg**2 - prior_sd**2, 0.0))
-        port_sd = math.hypot(print_sd, math.degrees(TROCAR_SD_PX / anatomy.radius_px))
+        radius_mm = self.prediction.rig.eye.diameter_mm / 2
+        port_sd = math.hypot(print_sd, math.degrees(PORT_SD_MM / radius_mm))
         offs = [
             min((trocar.angle_deg - port_deg for port_deg in expected.ports_deg), key=abs)
             for trocar in anatomy.trocars

@@ -8,6 +8,7 @@ middle of the wall, and the port openings (`port_opening`) lie in the plane and 
 
 import math
 from collections.abc import Sequence
+from itertools import compress
 
 import numpy as np
 from msgspec import Struct
@@ -132,11 +133,12 @@ def find_anatomy(
     rough = find_rcms(images, frontal, rim) if len(images) > 1 else ()
     rcms = [rcm.combined_with(tracked_rcm(images, rim, rcm.point_px)) for rcm in rough]
     is_expected = expected and expected.is_near(rim.inner.center_px, rim.inner.radius_px)
-    if not is_expected:  # its radius tells the inner edge from the outer one
+    if not is_expected:  # its radius distinguishes the inner edge from the outer one
         _check_edge_is_inner(rim, rcms, frontal)
     port_openings = find_port_openings(frontal, rim.inner)
     if expected:
-        port_openings = [each for each in port_openings if expected.is_port(each.angle_deg)] or port_openings
+        are_ports = expected.ports_among([each.angle_deg for each in port_openings])
+        port_openings = list(compress(port_openings, are_ports))
     foot_px = foot_x, foot_y
     excess, excess_sd, rim_evidence = _rim_excess(rim, rcms, port_openings, tilt, foot_px, expected)
     rim_ratio = 1 + excess

@@ -1,6 +1,8 @@
 """Where the design of a set-up has the anatomy in the image: a prior for the search [px]."""
 
 import math
+from collections.abc import Sequence
+from itertools import combinations
 
 from msgspec import Struct
 
@@ -57,3 +59,17 @@ class Expected(Struct, frozen=True):
         """Return whether an opening at an angle may be a port."""
         off_deg = (abs(angle_deg - port_deg) for port_deg in self.ports_deg)
         return min(off_deg, default=math.inf) <= NEAR_SD * self.ports_sd_deg
+
+    def ports_among(self, angles_deg: Sequence[float]) -> list[bool]:
+        """Return which openings may be ports: those near one; else those as far apart as the ports are.
+
+        Others are stains or shadows. Two that keep their distance show that the eye is turned.
+        """
+        near = [self.is_port(angle_deg) for angle_deg in angles_deg]
+        if any(near):
+            return near
+        apart = [abs(a - b) for a, b in combinations(self.ports_deg, 2)]
+        return [
+            any(abs(abs(a - b) - d) <= NEAR_SD * self.ports_sd_deg for b in angles_deg for d in apart)
+            for a in angles_deg
+        ]

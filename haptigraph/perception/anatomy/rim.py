@@ -75,14 +75,13 @@ def visible_rim(image: Image, expected: Expected | None = None) -> Rim:
     bright = _normalized(colored(image))
     _check_sharpness(bright)
     smooth = np.asarray(cv2.GaussianBlur(bright, (0, 0), SMOOTHING_PX), np.float32)
-    circles = _vote_circles(smooth)
-    rim = _expected_rim(smooth, expected, circles) if expected else None
-    return rim or _any_rim(smooth, circles)
+    rim = _expected_rim(smooth, expected) if expected else None
+    return rim or _any_rim(smooth)
 
 
-def _any_rim(smooth: NDArray[np.float32], circles: list[tuple[Vec, float]]) -> Rim:
+def _any_rim(smooth: NDArray[np.float32]) -> Rim:
     """Return the most complete rim at the circles voted for; raise BadInput if there is no edge."""
-    candidates = [edge_near(smooth, center, radius) for center, radius in circles]
+    candidates = [edge_near(smooth, center, radius) for center, radius in _vote_circles(smooth)]
     edges = [edge for edge in candidates if edge is not None]
     if not edges:
         raise BadInput(f"no eye in the picture: found no circle of at least {MIN_RADIUS_PX:.0f} px in radius")
@@ -90,13 +89,12 @@ def _any_rim(smooth: NDArray[np.float32], circles: list[tuple[Vec, float]]) -> R
     return max(rims, key=_support, default=None) or Rim(edges[0], None)
 
 
-def _expected_rim(
-    smooth: NDArray[np.float32], expected: Expected, circles: list[tuple[Vec, float]]
-) -> Rim | None:
+def _expected_rim(smooth: NDArray[np.float32], expected: Expected) -> Rim | None:
     """Return the most complete rim where it is expected; None if there is none.
 
     With both edges at the expected ratio it may have another size; one edge alone could be either.
     """
+    circles = _vote_circles(smooth, expected.radii_px())
     near = [(center, radius) for center, radius in circles if expected.is_near(center, radius)]
     radius_px = expected.radius_px * expected.rim_ratio
     centers = [center for center, _ in circles if expected.is_near(center, radius_px)]
@@ -162,7 +160,9 @@ def _gradient(grey: "NDArray[np.float32] | cv2.typing.MatLike") -> Floats:
     return np.asarray(np.hypot(dx, dy))
 
 
-def _vote_circles(image: NDArray[np.float32]) -> list[tuple[Vec, float]]:
+def _vote_circles(
+    image: NDArray[np.float32], radii_px: tuple[float, float] = (MIN_RADIUS_PX * 0.9, math.inf)
+) -> list[tuple[Vec, float]]:
     """Find circles (centre, radius) by Hough transform: edges vote along their normals, both ways."""
     scale = min(1.0, VOTING_WIDTH_PX / image.shape[1])
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
@@ -172,7 +172,8 @@ def _vote_circles(image: NDArray[np.float32]) -> list[tuple[Vec, float]]:
     rows, columns = height + 2 * pad, width + 2 * pad
     from_x, from_y = np.tile(x + pad, 2), np.tile(y + pad, 2)
     normal_x, normal_y = (np.concatenate([-each, each]) for each in (normal_x, normal_y))
-    radii = np.arange(max(6.0, MIN_RADIUS_PX * scale * 0.9), 0.6 * max(height, width), 1.5)
+    low, high = (radius_px * scale for radius_px in radii_px)
+    radii = np.arange(max(6.0, low), min(high, 0.6 * max(height, width)), 1.5)
     found = []
     for radius in radii:
         at_x, at_y = np.rint(from_x + radius * normal_x), np.rint(from_y + radius * normal_y)
