@@ -44,7 +44,7 @@ class RunReader(ShownRun):
 
     `len(run)`, `for step in run`, `run[10]`, `run[-1]`, `run[10:20]`: steps by number, without images;
     `run.at_s[2.5]`, `run.at_s[2.5:4]`: by time. Of a recording that is still being written, these are the
-    steps there were when one of them was first asked for. `with RunReader(path) as run` closes a stored video.
+    steps there were when one was first asked for. `with RunReader(path) as run` closes a stored video.
 
     Args:
         path: The MCAP file.
