@@ -57,7 +57,7 @@ UNITLESS = {
     "bound_low", "bound_high", "p_t", "level", "total", "tail", "center", "half_range", "beta", "odds_ratio",
     "back", "towards", "apart", "deflection",
     "drive", "max_drive", "intensity", "lowest", "largest",
-    "explained_share", "cost", "cost_limit", "depth_cost", "inside", "knee", "noise", "log_likelihood",
+    "coverage", "explained_share", "cost", "cost_limit", "depth_cost", "inside", "knee", "noise", "log_likelihood",
 }  # fmt: skip
 
 

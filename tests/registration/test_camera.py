@@ -5,7 +5,9 @@ import pytest
 from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
-from haptigraph.geometry import distance_to_polyline, norm
+from haptigraph.geometry import distance_to_polyline, norm, subtract
+from haptigraph.lens import Lens
+from haptigraph.projection import LensMap
 from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.camera import anatomy_px
 from haptigraph.registration.loading import load_camera_registration, parse_camera_registration
@@ -153,3 +155,17 @@ def test_a_background_image_that_is_invalid_or_of_another_size_is_refused(regist
         assert refuse(broken).startswith(expected)
     expected = "empty.webp: is 160 x 240 px, but the images are 320 x 240 px"
     assert expected in refuse(with_background(registration_toml, width=160))
+
+
+def test_a_lens_is_kept_and_corrects_pixels(registration):
+    width, height = registration.width_px, registration.height_px
+    lens = Lens((width, width + 1.0), (width / 2, height / 2), (-0.02, 0.0, 1e-4, 0.0, 0.0), 0.25)
+    text = registration_text(replace(anatomy_px(registration), lens=lens), "With a lens.")
+    found = parse_camera_registration(text, "eye.toml")
+    assert anatomy_px(found).lens == lens
+    assert found.image.frontal_from_image == LensMap(lens)
+    assert found.frontal.image.frontal_from_image is None
+    target_px = anatomy_px(registration).target_px
+    assert found.image.to_px(found.target.at_mm) == pytest.approx(target_px, abs=1e-2)
+    inside_px = (0.3 * width, 0.6 * height)
+    assert norm(subtract(found.image.to_mm(inside_px), registration.image.to_mm(inside_px))) > 0.001

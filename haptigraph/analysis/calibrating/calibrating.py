@@ -40,7 +40,7 @@ def calibrate_camera(
     board: Board,
     settings: tuple[str, ...] = (),
     *,
-    seconds: float,
+    duration_s: float,
     force: bool,
     progress: Progress | None = None,
 ) -> str:
@@ -51,7 +51,7 @@ def calibrate_camera(
         output: The file to write.
         board: The board on the sheet.
         settings: `key=value` of the source.
-        seconds: Time after which a camera is no longer read.
+        duration_s: Time after which a camera is no longer read.
         force: Whether to overwrite an existing file.
         progress: Called with the number of views found.
 
@@ -62,7 +62,7 @@ def calibrate_camera(
         BadInput: If the source cannot be read, or does not determine the lens; then no file is written.
     """
     config = _check(source, output, settings, force=force)
-    with closing(_images(config, settings, seconds)) as images:
+    with closing(_images(config, settings, duration_s)) as images:
         views, size_px = find_views(images, board, source, progress)
     try:
         found = calibrate(views, size_px)
@@ -167,7 +167,9 @@ def _check(source: str, output: Path, settings: tuple[str, ...], *, force: bool)
     return config
 
 
-def _images(config: SourceConfig, settings: tuple[str, ...], seconds: float) -> Generator[Image, None, None]:
+def _images(
+    config: SourceConfig, settings: tuple[str, ...], duration_s: float
+) -> Generator[Image, None, None]:
     if split_source(config.uri, SOURCES)[0] not in CAMERAS:
         yield from all_images(config.uri)
         return
@@ -176,7 +178,7 @@ def _images(config: SourceConfig, settings: tuple[str, ...], seconds: float) -> 
     with closing(read_images(open_source(whole, MonotonicClock(), _size_px(config)))) as captures:
         for capture in captures:
             first_ns = capture.stamp_ns if first_ns is None else first_ns
-            if capture.stamp_ns - first_ns > seconds * 1e9:
+            if capture.stamp_ns - first_ns > duration_s * 1e9:
                 return
             if capture.image is not None:
                 yield capture.image

@@ -10,7 +10,7 @@ from haptigraph.errors import BadInput
 from haptigraph.lens import Lens
 from haptigraph.sources.cameras.realsense_sdk import colour_stream, find_device, info_of, sdk
 
-__all__ = ["factory_lens"]
+__all__ = ["factory_lens", "lens_of"]
 
 GRID = 21  # rays either way
 MAX_MISFIT_PX = 0.05

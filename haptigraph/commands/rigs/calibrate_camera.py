@@ -8,7 +8,7 @@ from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.options import set_option
 from haptigraph.commands.terminal import progress_bar
 
-__all__ = ["calibrate_lens"]
+__all__ = ["calibrate_lens", "camera", "sheet"]
 
 squares_option = click.option(
     "--squares",
@@ -90,6 +90,7 @@ def sheet(output: str, squares: str, square_mm: float, paper: str, *, force: boo
 @squares_option
 @click.option(
     "--seconds",
+    "duration_s",
     type=click.FloatRange(1, 3600),
     default=120.0,
     show_default=True,
@@ -103,7 +104,7 @@ def camera(
     source: str,
     output: str,
     squares: str,
-    seconds: float,
+    duration_s: float,
     settings: tuple[str, ...],
     *,
     factory: bool,
@@ -124,6 +125,6 @@ def camera(
         return
     with progress_bar() as progress:
         report = calibrate_camera(
-            source, file, board, settings, seconds=seconds, force=force, progress=progress
+            source, file, board, settings, duration_s=duration_s, force=force, progress=progress
         )
     click.echo(report)
