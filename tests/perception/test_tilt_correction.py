@@ -11,10 +11,13 @@ from haptigraph import assemble
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
-from haptigraph.imaging import tilt_corrected
+from haptigraph.imaging import tilt_corrected, tilt_restored
+from haptigraph.lens import Lens
 from haptigraph.messages import Capture
 from haptigraph.perception.eye_view import IoctView
+from haptigraph.projection import LensMap
 from haptigraph.registration.loading import parse_registration
+from haptigraph.sim.eye.eye import registration_text
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
@@ -70,3 +73,29 @@ def test_refuses_images_of_another_size(phantom, procedure):
     pipeline = assemble.build_pipeline(load_config(None, ()), registration, procedure)
     with pytest.raises(BadInput, match="960 x 540"):
         pipeline.step(Capture(0, 0, np.zeros((10, 10, 3), np.uint8)))
+
+
+def test_locates_tips_through_a_lens_and_repeats_exactly(phantom, procedure):
+    lens = Lens((800.0, 800.0), (470.0, 280.0), (-0.2, 0.0, 0.0, 0.0, 0.0))
+    seen = LensMap(lens, phantom.camera.geometry.frontal_from_image)
+    geometry = replace(phantom.camera.geometry, frontal_from_image=seen)
+    registration = parse_registration(registration_text(phantom.eye, geometry, 960, 540), "truth")
+    config = load_config(None, ('perception.perceiver="tracker"',))
+    phantom.restart()
+    moments = [phantom.advance() for _ in range(40)]
+    captures = [
+        Capture(number, round(number * 1e9 / 15), tilt_restored(moment.image, LensMap(lens)))
+        for number, moment in enumerate(moments)
+    ]
+    first, again = (
+        [pipeline.step(capture).observation for capture in captures]
+        for pipeline in (assemble.build_pipeline(config, registration, procedure) for _ in range(2))
+    )
+    assert first == again
+    errors_mm = [
+        math.dist(found.found["needle_tip"].at_mm, moment.truth.tip_mm)
+        for found, moment in zip(first, moments, strict=True)
+        if moment.truth.inside and moment.truth.depth_mm > 3 and "needle_tip" in found.found
+    ]
+    assert len(errors_mm) > 10
+    assert np.median(errors_mm) < 0.15
