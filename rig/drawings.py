@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from rig.meshes import bed_axes
+from rig.meshes import bed_axes, mesh_of
 from rig.standard import Print
 
 __all__ = ["write_drawing"]
@@ -26,6 +26,7 @@ GAP_MM, MARGIN_MM = 18.0, 12.0
 SPACE_MM = (180.0, 165.0)  # of the sheet, for the three views
 OBLIQUE_MM = 78.0
 STEPS = 24
+SHARP_RAD, OFF_MM = 0.5, 0.05
 MIN_DIAMETER_MM = 1.0
 NO_BREAK = "\u00a0"  # SVG collapses spaces
 GREY, DIMENSION = "#9aa5b1", "#1d4e89"
@@ -117,18 +118,41 @@ def _axes_of(view: View) -> tuple[Points, Points]:
 
 def _draw_view(axes: Axes, shape: Part, view: View, place: tuple[float, float], scale: float) -> Points:
     """Draw the edges, visible ones on hidden ones; return the view's lowest corner in its own coordinates."""
-    far = tuple(500 * side for side in view.out)
-    visible, hidden = shape.project_to_viewport(far, view.up, (0, 0, 0))
-    lines = [[_points(edge) for edge in edges] for edges in (hidden, visible)]
+    lines = (
+        _mesh_lines(shape, view) if shape.faces().filter_by(GeomType.BSPLINE) else _exact_lines(shape, view)
+    )
     low = np.min(np.vstack([line for group in lines for line in group]), axis=0)
     styles = ({"color": GREY, "linewidth": 0.3, "dashes": (4, 2)}, {"color": "black", "linewidth": 0.7})
     for group, style in zip(lines, styles, strict=True):
         if view is OBLIQUE and group is lines[0]:
             continue
-        for line in group:
-            x, y = ((line - low) * scale + place).T
-            axes.plot(x, y, solid_capstyle="round", **style)
+        gap = np.full((1, 2), np.nan)  # one line object draws them all
+        joined = np.vstack([part for line in group for part in (line, gap)] or [gap])
+        x, y = ((joined - low) * scale + place).T
+        axes.plot(x, y, solid_capstyle="round", **style)
     return low
+
+
+def _exact_lines(shape: Part, view: View) -> list[list[Points]]:
+    """Return hidden and visible lines."""
+    far = tuple(500 * side for side in view.out)
+    visible, hidden = shape.project_to_viewport(far, view.up, (0, 0, 0))
+    return [[_points(edge) for edge in edges] for edges in (hidden, visible)]
+
+
+def _mesh_lines(shape: Part, view: View) -> list[list[Points]]:
+    """Return hidden and visible outlines and sharp edges of a mesh; exact ones of free forms take minutes."""
+    mesh, (right, up) = mesh_of(shape), _axes_of(view)
+    out = np.cross(right, up)
+    facing = mesh.face_normals @ out > 0
+    first, second = facing[mesh.face_adjacency].T
+    is_line = (first != second) | (mesh.face_adjacency_angles > SHARP_RAD)
+    ends = mesh.vertices[mesh.face_adjacency_edges[is_line]]
+    normals = mesh.face_normals[mesh.face_adjacency[is_line]].sum(axis=1)
+    middles = ends.mean(axis=1) + OFF_MM * normals
+    is_hidden = mesh.ray.intersects_any(middles, np.broadcast_to(out, middles.shape))
+    flat = ends @ np.column_stack([right, up])
+    return [list(flat[is_hidden]), list(flat[~is_hidden])]
 
 
 def _points(edge: object) -> Points:
