@@ -100,6 +100,8 @@ def replay(
         BadInput: If recording or procedure cannot be used, or there is no complete step.
     """
     reader = RunReader(path)
+    if next(reader.places(), None) is None:
+        raise BadInput("has no complete step to replay", path)
     steps = reader.count()[0] if progress is not None else 0
     applied = _procedure(reader, procedure)
     report = ReplayReport(
@@ -126,8 +128,6 @@ def replay(
             watch(recorded, replayed)
         if progress is not None:
             progress("replaying", report.steps, steps)
-    if not report.steps:
-        raise BadInput("has no complete step to replay", path)
     report.differing_images = reader.differing_images
     report.dropped_images = reader.dropped_images
     return report
