@@ -5,8 +5,8 @@ import time
 from pathlib import Path
 
 import pytest
+from fault_rig import LatencyProbe
 from live_bench import LIVE, PAD, PHONE, Live, until
-from rig import LatencyProbe
 
 from haptigraph import assemble
 from haptigraph.config import load_config

@@ -7,7 +7,7 @@ from pathlib import Path
 import campaign
 import pytest
 from campaign import TRIALS, planned, table
-from rig import environment
+from fault_rig import environment
 
 from haptigraph.analysis.evaluation.origin import software_sha256
 from haptigraph.analysis.evidence.campaign import read_campaign

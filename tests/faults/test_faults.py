@@ -11,8 +11,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from fault_rig import Rig
 from firmata_board import Board
-from rig import Rig
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import cv2
 import pytest
-from rig import SHARED_MS, LatencyProbe
+from fault_rig import SHARED_MS, LatencyProbe
 from streaming import StreamingCamera
 
 from haptigraph.clock import VirtualClock

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("cyclonedds")
 pytest.importorskip("serial")
 
-from rig import Rig
+from fault_rig import Rig
 from ros_network import broken_program
 
 from haptigraph.recording.reader import RunReader

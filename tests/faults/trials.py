@@ -19,8 +19,8 @@ from pathlib import Path
 
 import msgspec
 from damages import DAMAGES, GENERAL_DAMAGES, content
+from fault_rig import DEADMAN_MS, PERIOD_MS, Rig, environment
 from msgspec import Struct
-from rig import DEADMAN_MS, PERIOD_MS, Rig, environment
 
 from haptigraph.errors import BadInput
 from haptigraph.recording.journal import not_being_written

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from damages import GENERAL_DAMAGES
+from fault_rig import environment
 from live_bench import CHROMIUM, Live, chromium
-from rig import environment
 from ros_network import loopback, tag
 from slow_connection import SlowConnection
 from trials import DATA, Measured, damaged, program, promise

@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import msgspec
-from rig import SHARED_MS, LatencyProbe, environment
+from fault_rig import SHARED_MS, LatencyProbe, environment
 from trials import Measured, promise
 
 from haptigraph.robot.check_report import CheckReport, report_path

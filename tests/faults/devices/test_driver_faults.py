@@ -5,7 +5,7 @@ import signal
 import time
 
 import pytest
-from rig import DEADMAN_MS, ENABLE_PIN, PERIOD_MS, Rig
+from fault_rig import DEADMAN_MS, ENABLE_PIN, PERIOD_MS, Rig
 from trials_of_driver import ENABLED, FAULTS, begin, end, first_silence, until_recovered
 
 pytest.importorskip("serial")

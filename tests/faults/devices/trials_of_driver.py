@@ -7,8 +7,8 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
+from fault_rig import DEADMAN_MS, ENABLE_PIN, PERIOD_MS, TIMEOUT_S, Rig
 from haptic_driver import DriverBoard
-from rig import DEADMAN_MS, ENABLE_PIN, PERIOD_MS, TIMEOUT_S, Rig
 from trials import HUNG_MS, KILLED_MS, Measured, judge_end, judge_silence, promise
 
 LIMIT_MS = DEADMAN_MS + PERIOD_MS["drv2605"]

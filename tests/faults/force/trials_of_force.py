@@ -9,7 +9,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from rig import SHARED_MS, STEADY, LatencyProbe, environment
+from fault_rig import SHARED_MS, STEADY, LatencyProbe, environment
 from trials import Measured, promise
 
 PROGRAM = Path(__file__).with_name("forced_run.py")
