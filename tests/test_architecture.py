@@ -55,7 +55,7 @@ UNITLESS = {
     "bright_share", "lit_share", "rise_share", "sd_share", "scatter_share", "min_contrast_sd", "min_band_sd", "slope_sd", "min_gain", "steepest", "side",
     "lowest_slope", "highest_slope",
     "bound_low", "bound_high", "p_t", "level", "total", "tail", "center", "half_range", "beta", "odds_ratio",
-    "back", "towards", "apart", "deflection", "limit", "rim_ratio_sd", "wall_ratio", "wall_ratio_sd", "closeness", "closeness_sd",
+    "back", "towards", "apart", "deflection", "limit", "radii_ratio", "rim_ratio_sd", "wall_ratio", "wall_ratio_sd", "closeness", "closeness_sd",
     "drive", "max_drive", "intensity", "lowest", "largest",
     "explained_share", "cost", "cost_limit", "depth_cost", "inside", "knee", "noise", "log_likelihood",
 }  # fmt: skip

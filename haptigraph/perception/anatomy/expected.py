@@ -51,9 +51,9 @@ class Expected(Struct, frozen=True):
             for at, expected, sd in zip(center_px, self.center_px, self.center_sd_px, strict=True)
         )
 
-    def is_wall(self, ratio: float) -> bool:
-        """Return whether two edges may be those of the wall, by the ratio of their radii."""
-        return abs(ratio - self.wall_ratio) <= NEAR_SD * self.wall_ratio_sd + WALL_SLACK
+    def is_wall(self, radii_ratio: float) -> bool:
+        """Return whether two edges may be those of the wall."""
+        return abs(radii_ratio - self.wall_ratio) <= NEAR_SD * self.wall_ratio_sd + WALL_SLACK
 
     def is_port(self, angle_deg: float) -> bool:
         """Return whether an opening at an angle may be a port."""
