@@ -210,7 +210,7 @@ render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into b
 	.venv-rig/bin/python -m pip install --quiet --disable-pip-version-check --requirement rig/requirements.txt
 	@touch .venv-rig/ready
 
-rig: .venv-rig/ready  ## CAD of RIG (rig/d405.toml) into build/rig: STEP, STL, drawings, bill of materials, checks; 0.7 GB once
+rig: .venv-rig/ready  ## CAD of RIG (rig/d405.toml) into build/rig: STEP, STL, drawings, bill of materials, checks; 1.7 GB once
 	.venv-rig/bin/python -m rig.build $(RIG) $(if $(PICTURES),--pictures)
 
 test-rig: .venv-rig/ready  ## tests of the CAD: every shipped rig builds, and every check finds its sabotage; some minutes

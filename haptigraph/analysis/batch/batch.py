@@ -10,6 +10,7 @@ from haptigraph.analysis.batch.results import BatchResults
 from haptigraph.analysis.batch.tasks import BatchTask, Done, Kind
 from haptigraph.analysis.batch.work import do_task
 from haptigraph.analysis.evaluation.origin import software_sha256
+from haptigraph.analysis.exporting.runs import SUFFIXES
 from haptigraph.assemble import load_procedure
 from haptigraph.errors import BadInput
 from haptigraph.recording.journal import is_being_written, is_whole, not_being_written
@@ -38,6 +39,8 @@ class Batch(Struct, frozen=True):
     """The folder of results."""
     procedure: str = ""
     """Name or file of another procedure; empty: the recorded one."""
+    format: str = "csv"
+    """Of the files that an export writes, one of `SUFFIXES`."""
 
     def about(self) -> dict[str, str]:
         """Return what every result depends on."""
@@ -47,6 +50,7 @@ class Batch(Struct, frozen=True):
             "folder": str(self.folder.resolve()),
             "procedure": self.procedure,
             "procedure_sha256": procedure.sha256 if procedure else "",
+            **({"format": self.format} if self.kind == "export" else {}),
             "haptigraph": __version__,
             "software_sha256": software_sha256(),
         }
@@ -101,9 +105,10 @@ def run_batch(
             elif not is_whole(path) and is_being_written(path):
                 ran.being_written += 1
             else:
-                output = str((batch.output / name).with_suffix(".csv")) if batch.kind == "export" else ""
+                output = str((batch.output / name).with_suffix(SUFFIXES[batch.format]))
                 where, procedure = str(batch.folder.resolve()), (text, batch.procedure)
-                tasks.append(BatchTask(batch.kind, where, name, size, changed_ns, *procedure, output))
+                exported = (output, batch.format) if batch.kind == "export" else ()
+                tasks.append(BatchTask(batch.kind, where, name, size, changed_ns, *procedure, *exported))
         total = ran.before + len(tasks)
         if progress is not None:
             progress(DOING[batch.kind], ran.before, total)

@@ -26,6 +26,8 @@ class BatchTask(Struct, frozen=True):
     procedure_name: str = ""
     output: str = ""
     """The file that an export writes."""
+    format: str = "csv"
+    """Of that file."""
 
 
 class Done(Struct, frozen=True):

@@ -12,7 +12,7 @@ import cv2
 from haptigraph.analysis.batch.replaying import Moments, figures
 from haptigraph.analysis.batch.scoring import score_recording
 from haptigraph.analysis.batch.tasks import BatchTask, Done, Kind
-from haptigraph.analysis.exporting.csv_table import run_csv
+from haptigraph.analysis.exporting.runs import export_run
 from haptigraph.analysis.metrics.replay import recorded_procedure, replay
 from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.assemble import parse_procedure
@@ -86,9 +86,9 @@ def _export(path: Path, task: BatchTask) -> dict[str, Any]:
     """Write the file under another name first: one that exists is complete."""
     output = Path(task.output)
     output.parent.mkdir(parents=True, exist_ok=True)
-    temporary = output.with_name(f".{output.name}.{os.getpid()}")
+    temporary = output.with_name(f".{os.getpid()}.{output.name}")  # the ending chooses a video's container
     try:
-        run_csv(path, temporary)
+        export_run(path, task.format, temporary, name=path.stem)
         temporary.replace(output)
     finally:
         temporary.unlink(missing_ok=True)

@@ -12,7 +12,7 @@ from haptigraph.folders import new_folder
 from haptigraph.importing import chosen, load
 from haptigraph.recording.writer import Progress
 
-__all__ = ["FORMATS", "export_run", "export_runs"]
+__all__ = ["FORMATS", "SUFFIXES", "export_run", "export_runs"]
 
 EXPORTING = "haptigraph.analysis.exporting"
 LEROBOT, DICTIONARY = "lerobot", "data_dictionary.csv"
@@ -44,6 +44,8 @@ ONE_FILE_EACH = {
     "foxglove": _Format(f"{EXPORTING}.foxglove_mcap:run_foxglove", ".mcap"),
 }
 FORMATS = (*ONE_FILE_EACH, LEROBOT)
+SUFFIXES = {name: each.suffix for name, each in ONE_FILE_EACH.items()}
+"""Of the formats that have a file for every recording."""
 
 
 def export_runs(

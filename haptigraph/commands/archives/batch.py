@@ -13,13 +13,14 @@ from haptigraph.errors import BadInput
 __all__ = ["batch"]
 
 KINDS = ("replay", "measure", "evaluate", "export")
+FORMATS = ("csv", "parquet", "mp4", "foxglove")
 
 
 @click.command(
     epilog=examples(
         "haptigraph batch replay recordings -o replayed --procedure subretinal_injection_steady",
         "haptigraph batch measure recordings -o measured --workers 4",
-        "haptigraph batch export recordings -o tables",
+        "haptigraph batch export recordings -o tables --format parquet",
     )
 )
 @click.argument("kind", type=click.Choice(KINDS), metavar="replay|measure|evaluate|export")
@@ -27,6 +28,14 @@ KINDS = ("replay", "measure", "evaluate", "export")
 @click.option("-o", "--output", required=True, metavar="OUT", help="The folder of results; resumed if there.")
 @click.option(
     "--procedure", default="", metavar="NAME|FILE", help="Another procedure to apply; default: the recorded."
+)
+@click.option(
+    "--format",
+    "kind_of_file",
+    type=click.Choice(FORMATS),
+    default="csv",
+    show_default=True,
+    help="Of the files that an export writes.",
 )
 @click.option("--page", metavar="ADDRESS", help="Of the recordings page that the report links to.")
 @workers_option
@@ -36,6 +45,7 @@ def batch(
     folder: str,
     output: str,
     procedure: str,
+    kind_of_file: str,
     page: str | None,
     workers: int | None,
     cluster: str | None,
@@ -44,7 +54,7 @@ def batch(
     """Do one job on all recordings below FOLDER, and report on them together.
 
     replay: what this version, or another procedure, would have done. measure: the measures of each run.
-    evaluate: the errors of perception, in simulated recordings. export: a CSV table of each.
+    evaluate: the errors of perception, in simulated recordings. export: a table or a video of each.
 
     OUT receives report.html and recordings.csv. A damaged recording is reported and passed over. After an
     interruption, run it again to resume; recordings that have not changed are not done again.
@@ -55,7 +65,7 @@ def batch(
 
     if procedure and kind in ("measure", "export"):
         raise BadInput(f"--procedure goes with replay and evaluate; {kind} takes the runs as recorded")
-    spec = Batch(kind, Path(folder), Path(output), procedure)  # type: ignore[arg-type]
+    spec = Batch(kind, Path(folder), Path(output), procedure, kind_of_file)  # type: ignore[arg-type]
     start_s = time.perf_counter()
     with terminable(), progress_bar() as progress:
         ran = run_batch(

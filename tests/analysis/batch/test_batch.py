@@ -113,6 +113,19 @@ def test_an_export_writes_the_table_of_each_recording(folder, tmp_path):
 
 
 @pytest.mark.usefixtures("in_this_process")
+@pytest.mark.parametrize(
+    ("kind", "ending", "start"), [("parquet", ".parquet", b"PAR1"), ("foxglove", ".mcap", b"\x89MCAP0")]
+)
+def test_an_export_may_have_another_format(folder, tmp_path, kind, ending, start):
+    pytest.importorskip("pyarrow" if kind == "parquet" else "mcap_protobuf")
+    run_batch(Batch("export", folder, tmp_path / "out", format=kind))
+    file = (tmp_path / "out" / NAMES[0]).with_suffix(ending)
+    assert file.read_bytes().startswith(start)
+    with pytest.raises(BadInput, match=f"results of another batch: format was {kind}, is csv now"):
+        run_batch(Batch("export", folder, tmp_path / "out"))
+
+
+@pytest.mark.usefixtures("in_this_process")
 def test_perception_is_scored_with_the_ground_truth(folder, tmp_path):
     batch = Batch("evaluate", folder, tmp_path / "out")
     run_batch(batch)
