@@ -45,6 +45,7 @@ def test_a_subscriber_receives_silence_in_time_after_any_transient_fault(rig):
 
 
 def test_a_subscriber_receives_silence_when_the_run_is_killed(rig):
+    rig.until_recorded()
     rig.silent_in_time("SIGKILL", rig.signal(signal.SIGKILL))
     rig.finish()
     assert RunReader(rig.record).count()[0] > 0
