@@ -186,7 +186,7 @@ def my_lab(monkeypatch):
 
 def test_a_source_of_a_user_must_have_every_member(my_lab):
     assert error_of("source.uri=minimal:x") == (
-        "source minimal (my_lab:MinimalSource) lacks notes, robot_setup, teleop; define what haptigraph.stages.Source lists"
+        "source minimal (my_lab:MinimalSource) lacks depth_camera, notes, robot_setup, teleop; define what haptigraph.stages.Source lists"
     )
 
 
