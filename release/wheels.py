@@ -8,7 +8,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tarfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -60,8 +59,7 @@ def unpacked_sdist(folder: Path) -> Path:
     if run("hatchling", "build", "--target", "sdist", "--directory", str(DIST), cwd=ROOT):
         sys.exit("the sdist could not be built (see above)")
     (sdist,) = DIST.glob("*.tar.gz")
-    with tarfile.open(sdist) as archive:
-        archive.extractall(folder, filter="data")
+    shutil.unpack_archive(sdist, folder)
     return folder / sdist.name.removesuffix(".tar.gz")
 
 
