@@ -39,7 +39,7 @@ def _identity(binary: lief.Binary, target: Target) -> list[str]:
         found = {lief.ELF.ARCH.X86_64: "x86_64", lief.ELF.ARCH.AARCH64: "aarch64"}.get(
             binary.header.machine_type
         )
-        return _mismatch(found, "linux", processor, system) + _too_new_glibc(binary, target)
+        return _mismatch(found, "linux", processor, system) + _foreign_libraries(binary, target)
     if isinstance(binary, lief.MachO.Binary):
         cpu = {lief.MachO.Header.CPU_TYPE.X86_64: "x86_64", lief.MachO.Header.CPU_TYPE.ARM64: "aarch64"}
         oldest = tuple(binary.build_version.minos[:2]) if binary.has_build_version else None
@@ -53,13 +53,17 @@ def _mismatch(processor: str | None, system: str, *expected: str) -> list[str]:
     return [] if (processor, system) == expected else [f"is for {system} {processor}, not {expected}"]
 
 
-def _too_new_glibc(binary: lief.ELF.Binary, target: Target) -> list[str]:
+def _foreign_libraries(binary: lief.ELF.Binary, target: Target) -> list[str]:
     found = re.search(r"gnu\.(\d+)\.(\d+)", target.zig)
     names = {
         version.name
         for requirement in binary.symbols_version_requirement
         for version in requirement.get_auxiliary_symbols()
     }
+    needs = {str(name) for name in binary.libraries}
+    foreign = sorted(needs - {"libc.so"}) if "musl" in target.zig else []
     versions = {name: tuple(map(int, parts)) for name in names for parts in GLIBC.findall(str(name))}
     limit = tuple(map(int, found.groups())) if found else (0, 0)
-    return [f"needs {name}" for name, version in sorted(versions.items()) if version > limit]
+    return [f"needs {name}" for name, version in sorted(versions.items()) if version > limit] + [
+        f"needs {name}" for name in foreign
+    ]

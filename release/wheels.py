@@ -92,8 +92,8 @@ def judge(target: Target, sdist: Path, expected: str) -> Result:
 
 
 def audit(wheel: Path, target: Target) -> list[str]:
-    """Return what auditwheel finds wrong with a wheel for Linux."""
-    if "linux" not in target.zig:
+    """Return what auditwheel finds wrong with a wheel for glibc; on glibc it cannot read one for musl."""
+    if "gnu." not in target.zig:
         return []
     command = [sys.executable, "-m", "auditwheel", "show", str(wheel)]
     text = " ".join(subprocess.run(command, capture_output=True, text=True).stdout.split())
