@@ -184,11 +184,20 @@ class WatchedDevice:
         with suppress(OSError):
             self._reserve = self._started()
 
+    def _spare(self) -> _Child:
+        """Return the process in reserve, or a new one if there is none that lives."""
+        if self._reserve is None:
+            return self._started()
+        if self._reserve.process.poll() is None:
+            return self._reserve
+        self._reserve.kill()  # closes its pipe
+        return self._started()
+
     def _replace(self) -> None:
         """Kill the process and let the one in reserve open the device, which silences it."""
         self._active.kill()
         try:
-            self._active, self._reserve = self._reserve or self._started(), None
+            self._active, self._reserve = self._spare(), None
         except OSError as error:
             raise DeviceError(f"its process cannot be started ({error.strerror})") from None
         self._active.go()

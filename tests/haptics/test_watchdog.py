@@ -130,6 +130,14 @@ def test_a_reserve_that_died_is_replaced_too(board, device):
             device.set(1.0, 80.0, 1)
 
 
+def test_closing_silences_a_device_although_the_reserve_died(board, device):
+    hang(device)
+    device._reserve.process.kill()
+    device._reserve.process.wait()
+    device.close()
+    assert not board.vibrates()
+
+
 def test_closing_ends_both_processes(board):
     device = WatchedDevice(FIRMATA, str(board.link), "serial")
     reserve = device._reserve.process
