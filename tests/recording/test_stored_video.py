@@ -269,6 +269,7 @@ for step in build(config).steps():
 """
 
 
+@pytest.mark.realtime
 def test_kill_9_loses_at_most_one_second_of_a_video(tmp_path, images):
     path = tmp_path / "killed.mcap"
     with subprocess.Popen(
