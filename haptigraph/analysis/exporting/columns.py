@@ -36,7 +36,17 @@ Group: TypeAlias = Literal[
     "truth",
 ]
 Kind: TypeAlias = Literal["text", "integer", "number", "texts"]
-UNITS = {"mm": "mm", "deg": "deg", "ns": "ns", "s": "s", "hz": "Hz", "n": "N", "utc": "UTC", "px": "px"}
+UNITS = {
+    "mm": "mm",
+    "um": "µm",
+    "deg": "deg",
+    "percent": "%",
+    "ns": "ns",
+    "s": "s",
+    "hz": "Hz",
+    "n": "N",
+    "utc": "UTC",
+}
 STAGES = ("perceive", "build_scene", "reason", "render")
 XYZ, XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
 
