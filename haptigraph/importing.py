@@ -1,14 +1,13 @@
 """Import what a text names, when it is chosen: a registry's entry, or "module:Class" of the user's own."""
 
-import hashlib
 import inspect
 import re
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
+from haptigraph.checksum import sha256_of
 from haptigraph.errors import BadInput, HaptigraphError, unknown_name
 
 __all__ = ["chosen", "is_own", "load", "load_own", "module_sha256", "split_own"]
@@ -87,4 +86,4 @@ def load_own(what: str, name: str, shipped: Iterable[str] = ()) -> Any:
 def module_sha256(name: str) -> str:
     """Return the SHA-256 of the file of an imported "module:Class"; empty without file, as in a notebook."""
     file = getattr(import_module(name.partition(":")[0]), "__file__", None)
-    return hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""
+    return sha256_of(file) if file else ""

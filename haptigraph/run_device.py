@@ -48,12 +48,15 @@ def open_device(name: str) -> Device:
         BadInput: If there is no such device.
     """
     kind, _, argument = name.partition(":")
-    path, library = (DEVICES[kind], WATCHED[kind]) if kind in WATCHED else ("", "")
     if kind not in DEVICES and is_own(name):
         path, argument = split_own(name)
         load_own("device", path, DEVICES)
-        library = path.partition(":")[0]
-    if path:
-        watched = load("haptigraph.haptics.watchdog:WatchedDevice")
-        return watched(path, argument, library)  # type: ignore[no-any-return]
+        return _watched(path, argument, path.partition(":")[0])
+    if kind in WATCHED:
+        return _watched(DEVICES[kind], argument, WATCHED[kind])
     return device_class(kind)(argument)  # type: ignore[no-any-return]
+
+
+def _watched(path: str, argument: str, library: str) -> Device:
+    watched = load("haptigraph.haptics.watchdog:WatchedDevice")
+    return watched(path, argument, library)  # type: ignore[no-any-return]

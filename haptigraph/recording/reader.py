@@ -1,6 +1,6 @@
 """Read recordings, also interrupted ones: the header, captures and steps, in order, by number or by time."""
 
-from collections.abc import Container, Generator, Iterator
+from collections.abc import Container, Generator, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, Self, overload
@@ -43,8 +43,9 @@ class RunReader(ShownRun):
     """One recording, also as the sequence of its complete steps.
 
     `len(run)`, `for step in run`, `run[10]`, `run[-1]`, `run[10:20]`: steps by number, without images;
-    `run.at_s[2.5]`, `run.at_s[2.5:4]`: by time. Of a recording that is still being written, these are the
-    steps there were when one was first asked for. `with RunReader(path) as run` closes a stored video.
+    `run.at_s[2.5]`, `run.at_s[2.5:4]`: by time. Of a recording that is still being written, `for` reads what
+    there is; the others know the steps there were when one was first asked for. `with RunReader(path) as run`
+    closes a stored video.
 
     Args:
         path: The MCAP file.
@@ -61,7 +62,7 @@ class RunReader(ShownRun):
         self.differing_images = 0
         """Images, of those decoded so far, that have other pixels than during the run: another decoder."""
         self.dropped_images = 0
-        """Images, of the steps read so far, that perception processed but the recording lacks."""
+        """Images, of those asked for so far, that perception processed but the recording lacks."""
         self._video: StoredVideo | None = None
         self.info = self._read_info()
         self.is_whole = is_whole(self.path)
@@ -115,10 +116,7 @@ class RunReader(ShownRun):
             BadInput: If the image cannot be decoded.
         """
         place = self._place(number)
-        for _, messages in self._groups(None, place):
-            if is_complete(messages):
-                return self._record(place.sequence, messages, decodes=True)[0]
-        raise self._has_changed(place)
+        return self._record(place.sequence, self._messages_at(place), decodes=True)[0]
 
     def records(self, *, images: Container[int] | None = None) -> Generator[tuple[Capture, Step], None, None]:
         """Yield every capture with its step.
@@ -155,11 +153,9 @@ class RunReader(ShownRun):
         Raises:
             BadInput: If the file has changed.
         """
-        for _, messages in self._groups(None, place):
-            if is_complete(messages):
-                capture, step = self._record(place.sequence, messages, decodes=False)
-                return replace(capture, image=self._video_image(place.sequence, messages["/capture"])), step
-        raise self._has_changed(place)
+        messages = self._messages_at(place)
+        capture, step = self._record(place.sequence, messages, decodes=False)
+        return replace(capture, image=self._video_image(place.sequence, messages["/capture"])), step
 
     def count(self) -> tuple[int, int]:
         """Count the steps, and the images that perception processed but the recording lacks.
@@ -189,24 +185,30 @@ class RunReader(ShownRun):
 
     def _steps_at(self, places: list[StepLocation]) -> list[Step]:
         """Return the steps at some locations, in order, in one pass."""
-        if not places:
-            return []
-        wanted, found = {place.sequence for place in places}, list[Step]()
-        for place, messages in self._groups((), places[0], places[-1]):
-            if place.sequence in wanted and is_complete(messages):
-                found.append(self._record(place.sequence, messages, decodes=False)[1])
-        if len(found) < len(places):
-            raise self._has_changed(places[0])
-        return found
+        found = self._complete((), places) if places else []
+        return [self._record(place.sequence, messages, decodes=False)[1] for place, messages in found]
 
-    def _has_changed(self, place: StepLocation) -> BadInput:
-        return BadInput("has changed; open the recording again", self.path, f"step {place.sequence}")
+    def _messages_at(self, place: StepLocation) -> dict[str, Any]:
+        return next(self._complete(None, [place]))[1]
+
+    def _complete(
+        self, images: Container[int] | None, places: Sequence[StepLocation]
+    ) -> Iterator[tuple[StepLocation, dict[str, Any]]]:
+        """Yield the messages of the steps at some locations; fail in the end if one was not there."""
+        missing = len(places)
+        for place, messages in self._groups(images, places):
+            if is_complete(messages):
+                missing -= 1
+                yield place, messages
+        if missing > 0:
+            where = f"step {places[0].sequence}"
+            raise BadInput("has changed; open the recording again", self.path, where)
 
     def _record(self, sequence: int, messages: dict[str, Any], *, decodes: bool) -> tuple[Capture, Step]:
         record: CaptureRecord = messages["/capture"]
         compressed: CompressedImage | None = messages.get(IMAGE)
         data = compressed.data if compressed else None
-        self.dropped_images += self._is_dropped(record)
+        self.dropped_images += decodes and self._is_dropped(record)
         try:
             image = decode(data) if data is not None and decodes else None
             if decodes and record.video is not None:
@@ -269,18 +271,15 @@ class RunReader(ShownRun):
                 incomplete = place.sequence
 
     def _groups(
-        self,
-        images: Container[int] | None,
-        first: StepLocation | None = None,
-        last: StepLocation | None = None,
+        self, images: Container[int] | None, places: Sequence[StepLocation] = ()
     ) -> Iterator[tuple[StepLocation, dict[str, Any]]]:
-        """Group the messages of each step; they are consecutive and share a sequence number.
+        """Group the messages of each step, or of those at some locations, in order.
 
-        Given the first, of that one alone; given the last, too, of all from the first to the last.
+        They are consecutive and share a sequence number.
         """
         sequence, messages = -1, dict[str, Any]()
         start = end_of_step = 0
-        for before, end, message in self._messages(first, last or first):
+        for before, end, message in self._messages(places):
             topic = self._topics.get(message.channel_id, "")
             if message.sequence != sequence:
                 if messages:
@@ -294,21 +293,18 @@ class RunReader(ShownRun):
         if messages:
             yield StepLocation(sequence, start, end_of_step), messages
 
-    def _messages(
-        self, first: StepLocation | None, last: StepLocation | None
-    ) -> Iterator[tuple[int, int, Message]]:
+    def _messages(self, places: Sequence[StepLocation]) -> Iterator[tuple[int, int, Message]]:
         """Yield all messages, or those of some steps, after where their record or chunk starts and ends."""
         before = offset = 0
-        records, wanted = complete_records(self.path), None
-        if first is not None and last is not None:
-            records = records_between(self.path, first.start, last.end)
-            wanted = range(first.sequence, last.sequence + 1)
+        records, wanted = complete_records(self.path), {place.sequence for place in places}
+        if places:
+            records = records_between(self.path, places[0].start, places[-1].end)
         for end, record in records:
             if end != offset:
                 before, offset = offset, end
             if isinstance(record, Channel):
                 self._topics[record.id] = record.topic
-            elif isinstance(record, Message) and (wanted is None or record.sequence in wanted):
+            elif isinstance(record, Message) and (not places or record.sequence in wanted):
                 yield before, end, record
 
     def _read_info(self) -> RunInfo:

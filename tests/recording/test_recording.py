@@ -216,7 +216,8 @@ def test_faults_truth_and_missing_images_are_read_back(tmp_path):
     assert first.truth == truth
     assert (second.image, second.faults, step.faults) == (None, (fault,), (fault,))
     assert third.image is None
-    assert reader.count() == (3, 1)
+    assert (len(reader), reader.count()) == (3, (3, 1))
+    assert reader.dropped_images == 1  # whatever was read without images
 
 
 def test_a_recording_never_overwrites(tmp_path):

@@ -36,7 +36,8 @@ Group: TypeAlias = Literal[
     "truth",
 ]
 Kind: TypeAlias = Literal["text", "integer", "number", "texts"]
-UNITS = {"mm": "mm", "deg": "deg", "ns": "ns", "s": "s", "hz": "Hz", "n": "N", "utc": "UTC", "px": "px"}
+SYMBOLS = {"um": "µm", "percent": "%", "hz": "Hz", "n": "N", "utc": "UTC"}
+UNITS = {unit: unit for unit in ("mm", "deg", "ns", "s")} | SYMBOLS
 STAGES = ("perceive", "build_scene", "reason", "render")
 XYZ, XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
 

@@ -1,12 +1,12 @@
 """Export a recorded run as a CSV table: one row a step; and the data dictionary of any export."""
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from haptigraph.analysis.exporting.columns import Column, RunTable
+from haptigraph.analysis.exporting.columns import RunTable
 from haptigraph.errors import BadInput
 from haptigraph.recording.writer import Progress
 
@@ -42,12 +42,12 @@ def run_csv(
         raise BadInput(f"cannot be written ({error.strerror})", output) from None
 
 
-def write_dictionary(path: Path, columns: Iterable[Column | Sequence[str]]) -> None:
+def write_dictionary(path: Path, columns: Iterable[tuple[str, str, str, str]]) -> None:
     """Write a data dictionary: name, kind, unit and meaning of every column or part.
 
     Args:
         path: The CSV file to write.
-        columns: Columns, or these four texts of each.
+        columns: These four texts of each.
 
     Raises:
         OSError: If it cannot be written.
@@ -55,10 +55,7 @@ def write_dictionary(path: Path, columns: Iterable[Column | Sequence[str]]) -> N
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(DICTIONARY)
-        for each in columns:
-            if isinstance(each, Column):
-                each = (each.name, each.kind, each.unit, each.meaning)
-            writer.writerow(each)
+        writer.writerows(columns)
 
 
 def _cell(value: Any) -> Any:

@@ -1,15 +1,15 @@
 """Export recorded runs in one of several formats, into a new folder with a data dictionary."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from haptigraph.analysis.exporting.columns import Column, RunTable
+from haptigraph.analysis.exporting.columns import RunTable
 from haptigraph.analysis.exporting.csv_table import write_dictionary
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, unknown_name
 from haptigraph.folders import new_folder
-from haptigraph.importing import chosen, load
+from haptigraph.importing import load
 from haptigraph.recording.writer import Progress
 
 __all__ = ["FORMATS", "SUFFIXES", "export_run", "export_runs"]
@@ -107,9 +107,11 @@ def export_run(
         BadInput: If there is no such format, or the recording cannot be read.
         MissingExtra: If a library of the format is not installed.
     """
-    writers = {key: each.writer for key, each in ONE_FILE_EACH.items()}
-    write: Callable[..., object] = chosen(writers, "format", kind)
-    named = (name or Path(path).stem,) if ONE_FILE_EACH[kind].parts is None else ()
+    if kind not in ONE_FILE_EACH:
+        raise BadInput(unknown_name("format", kind, ONE_FILE_EACH))
+    chosen = ONE_FILE_EACH[kind]
+    write: Callable[..., object] = load(chosen.writer)
+    named = (name or Path(path).stem,) if chosen.parts is None else ()
     write(path, output, progress, *named)
 
 
@@ -124,11 +126,7 @@ def _names(paths: Sequence[str | Path]) -> list[str]:
     return names
 
 
-def _columns(paths: Sequence[str | Path]) -> Iterator[Column]:
-    """Yield the columns of all recordings, each once."""
-    seen = set()
-    for path in paths:
-        for column in RunTable(path, "").columns:
-            if column.name not in seen:
-                seen.add(column.name)
-                yield column
+def _columns(paths: Sequence[str | Path]) -> Iterable[tuple[str, str, str, str]]:
+    """Return name, kind, unit and meaning of the columns of all recordings, each once."""
+    columns = (column for path in paths for column in RunTable(path, "").columns)
+    return dict.fromkeys((column.name, column.kind, column.unit, column.meaning) for column in columns)

@@ -114,7 +114,7 @@ def replay(
         recorded=RunMeasures.under(_procedure(reader, None)),
         replayed=RunMeasures.under(applied),
     )
-    start_ns, reader.dropped_images = None, 0
+    start_ns = None
     for recorded, replayed in replay_steps(reader, applied):
         start_ns = recorded.stamp_ns if start_ns is None else start_ns
         difference = _compare(report.steps, (recorded.stamp_ns - start_ns) / 1e9, recorded, replayed)

@@ -11,13 +11,13 @@ import pickle
 import sys
 import threading
 from contextlib import suppress
-from importlib import import_module
 
 import cv2
 import msgspec
 
 from haptigraph.dashboard.server.stream import send_message
 from haptigraph.errors import HaptigraphError
+from haptigraph.importing import load
 
 __all__ = ["JOBS", "main"]
 
@@ -42,8 +42,7 @@ def main() -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         os.chdir(folder)
-        module, _, name = path.partition(":")
-        getattr(import_module(module), name)(*arguments)
+        load(path)(*arguments)
     except HaptigraphError as error:
         _send_problem(str(error))
     except msgspec.MsgspecError as error:

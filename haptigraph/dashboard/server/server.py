@@ -11,7 +11,7 @@ import mimetypes
 import socket
 import threading
 from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
-from importlib import import_module, resources
+from importlib import resources
 from typing import Any, NamedTuple
 
 import uvicorn
@@ -24,6 +24,7 @@ from haptigraph.dashboard.server.access import AccessControl, Tokens, may_steer
 from haptigraph.dashboard.server.connections import BoundedConnection, BoundedLog
 from haptigraph.dashboard.server.site import Site
 from haptigraph.errors import BadInput
+from haptigraph.importing import load
 
 __all__ = ["LIVE", "PAGES", "REGISTRATION", "STUDY_PAGES", "Page", "Server", "listen", "make_app"]
 
@@ -105,8 +106,7 @@ def make_app(
 
 
 def _page_routes(page: Page, site: Site) -> Sequence[BaseRoute]:
-    module, _, name = page.routes.partition(":")
-    routes: Sequence[BaseRoute] = getattr(import_module(module), name)(site)
+    routes: Sequence[BaseRoute] = load(page.routes)(site)
     return routes
 
 

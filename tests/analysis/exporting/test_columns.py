@@ -8,6 +8,7 @@ from haptigraph.analysis.exporting.columns import Row, RunTable, unit_of
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.messages import ForceSample, HandState, RobotSample
+from haptigraph.scene.relations import MEASURES
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +38,10 @@ def test_every_column_has_one_name_a_meaning_and_the_unit_of_its_name(table):
     }
     assert units == {"theta_deg": "deg", "stamp_ns": "ns", "time_s": "s", "state": "", "robot_x_mm": "mm"}
     assert unit_of("hand_force_x_n") == "N"
+
+
+def test_every_measure_has_a_unit():
+    assert {unit_of(name) for name in MEASURES} == {"mm", "µm", "deg", "%", "s"}
 
 
 def test_kinds_are_those_of_the_values(table, rows):

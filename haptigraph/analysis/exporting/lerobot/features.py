@@ -3,13 +3,10 @@
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from haptigraph.analysis.exporting.columns import Column, Row
 from haptigraph.inference.procedure import Procedure
 
-__all__ = ["IMAGE", "Feature", "features_of", "has_picture"]
+__all__ = ["IMAGE", "Feature", "features_of"]
 
 IMAGE = "observation.images.camera"
 VECTORS = {
@@ -41,15 +38,6 @@ class Feature(NamedTuple):
         names = None if self.dtype == "string" else [name for name, _, _ in self.channels]
         return {"dtype": self.dtype, "shape": [len(self.channels)], "names": names}
 
-    def numbers(self, rows: Sequence[Row]) -> NDArray[np.float64]:
-        """Return the values of many steps, (rows, channels)."""
-        return np.array([self.values(row) for row in rows], np.float64)
-
-
-def has_picture(row: Row) -> bool:
-    """Return whether the step has an image of its own."""
-    return row.capture.image is not None
-
 
 def features_of(columns: Sequence[Column], procedure: Procedure) -> tuple[Feature, ...]:
     """Return the features besides the image and those of every LeRobot dataset.
@@ -64,7 +52,11 @@ def features_of(columns: Sequence[Column], procedure: Procedure) -> tuple[Featur
         *(_text(name, by_name[column]) for name, column in TEXTS.items() if column in by_name),
         _triplets(procedure),
         _states(procedure),
-        _one("observation.has_image", "whether the step has an image; without one, it is black", has_picture),
+        _one(
+            "observation.has_image",
+            "whether the step has an image; without one, it is black",
+            lambda row: row.capture.image is not None,
+        ),
         _one(
             "stamp_ns", "when the image was captured, on the run's clock", lambda row: row.step.stamp_ns, "ns"
         ),
