@@ -106,7 +106,7 @@ class Anatomy(Struct, frozen=True, eq=False):
 
 
 def find_anatomy(
-    images: Sequence[Image], expected: Expected | None = None, lens: Lens | None = None
+    images: Sequence[Image], *, expected: Expected | None = None, lens: Lens | None = None
 ) -> Anatomy:
     """Find globe, retina and trocars.
 
