@@ -91,9 +91,9 @@ def register_source(
     check_files(files, source, force=force)
     with closing(all_images(source, overrides.turn)) as available:
         images = spread_images(available, source, overrides.images, progress)
+    overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
     if design:
         design.check_images(images[0], overrides, source)
-    overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
     expected, lens = design.expected if design else None, _lens(overrides, images)
     anatomy = plausible_anatomy(images, overrides.globe_mm, source, expected=expected, lens=lens)
     has_target = overrides.target is None and overrides.target_mm is None
