@@ -47,9 +47,8 @@ class Lens(Struct, frozen=True, forbid_unknown_fields=True):
         seen_x = (at_px[0] - self.principal_px[0]) / self.focal_px[0]
         seen_y = (at_px[1] - self.principal_px[1]) / self.focal_px[1]
         x, y = seen_x, seen_y
-        for _ in range(
-            MAX_ITERATIONS
-        ):  # Newton's method would need the derivatives, and few points are mapped
+        # Newton's method would need the derivatives, and few points are mapped.
+        for _ in range(MAX_ITERATIONS):
             bent_x, bent_y = self._bent(x, y)
             x, y = x + seen_x - bent_x, y + seen_y - bent_y
             if abs(seen_x - bent_x) + abs(seen_y - bent_y) < PRECISION:

@@ -45,6 +45,11 @@ class Homography(Struct, frozen=True, dict=True):
         x, y, scale = (row[0] * at_px[0] + row[1] * at_px[1] + row[2] for row in self.rows)
         return x / scale, y / scale
 
+    def many(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the positions of points in the other image, (n, 2) each."""
+        mapped = points_px @ self.matrix[:, :2].T + self.matrix[:, 2]
+        return np.asarray(mapped[:, :2] / mapped[:, 2:])
+
     @cached_property
     def matrix(self) -> NDArray[np.float64]:
         """The rows, (3, 3)."""

@@ -15,7 +15,7 @@ from rendering.layout import DISTANCE_MM, HEIGHT_PX, WIDTH_PX, Layout
 from rendering.path import Pose
 from rendering.scene import Light
 
-__all__ = ["Stage", "silence"]
+__all__ = ["Stage", "add", "silence"]
 
 SAMPLES = 8
 LIGHT_MM, LIGHT_W = 150.0, 60_000.0
@@ -75,7 +75,7 @@ def _add_light(light: Light) -> None:
     area = bpy.data.lights.new("light", "AREA")
     area.size, area.energy = light.size_mm, LIGHT_W * light.strength
     towards = Vector(light.towards).normalized()
-    lamp = _add("light", area)
+    lamp = add("light", area)
     lamp.location = towards * LIGHT_MM
     lamp.rotation_euler = towards.to_track_quat("Z", "Y").to_euler()
 
@@ -94,12 +94,13 @@ def _add_camera(px_per_mm: float) -> None:
     camera.sensor_fit, camera.sensor_width = "HORIZONTAL", SENSOR_MM
     camera.lens = SENSOR_MM * DISTANCE_MM * px_per_mm / WIDTH_PX
     camera.clip_end = 2000
-    added = _add("camera", camera)
+    added = add("camera", camera)
     added.location, added.rotation_euler = (0, -DISTANCE_MM, 0), (math.pi / 2, 0, 0)
     bpy.context.scene.camera = added
 
 
-def _add(name: str, data: bpy.types.ID) -> bpy.types.Object:
+def add(name: str, data: bpy.types.ID) -> bpy.types.Object:
+    """Add an object with some data to the scene."""
     added = bpy.data.objects.new(name, data)
     bpy.context.collection.objects.link(added)
     return added

@@ -102,7 +102,7 @@ def _write(
     texts = {
         "bom.csv": lists.bill_csv(items),
         "bom.md": lists.bill_md(name, items),
-        "print.md": lists.settings_md(name, bodies, meshes, checked),
+        "print.md": lists.settings_md(name, bodies, meshes),
         "checks.md": lists.checks_md(name, checked),
     }
     for file, text in texts.items():

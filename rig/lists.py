@@ -87,9 +87,7 @@ def bill_md(name: str, items: Iterable[Item]) -> str:
     return "\n".join([f"# Bill of materials: {name}", "", "| n | item | note |", "|---|---|---|", *rows, ""])
 
 
-def settings_md(
-    name: str, bodies: Iterable[Body], meshes: Mapping[str, trimesh.Trimesh], checked: Checked
-) -> str:
+def settings_md(name: str, bodies: Iterable[Body], meshes: Mapping[str, trimesh.Trimesh]) -> str:
     """Return how each part is printed, as Markdown; the STL files lie as stated."""
     lines = [
         f"# Print settings: {name}",

@@ -1,5 +1,6 @@
 """Solids -> triangle meshes, as a printer gets them, in the eye frame or as they lie on the bed [mm]."""
 
+import manifold3d
 import numpy as np
 import trimesh
 from build123d import Part
@@ -7,7 +8,7 @@ from numpy.typing import NDArray
 
 from rig.standard import Print
 
-__all__ = ["CHORD_SHARE", "bed_axes", "mesh_of", "on_bed"]
+__all__ = ["CHORD_SHARE", "bed_axes", "mesh_of", "on_bed", "solid_of"]
 
 CHORD_SHARE = 0.001
 """How far a mesh may be from the true surface, relative to the size of an edge."""
@@ -23,6 +24,13 @@ def mesh_of(shape: Part) -> trimesh.Trimesh:
     mesh.update_faces(mesh.nondegenerate_faces())
     mesh.remove_unreferenced_vertices()
     return mesh
+
+
+def solid_of(mesh: trimesh.Trimesh) -> manifold3d.Manifold:
+    """Return a mesh as a solid that can be intersected and measured."""
+    return manifold3d.Manifold(
+        manifold3d.Mesh64(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.uint64))
+    )
 
 
 def on_bed(mesh: trimesh.Trimesh, print_: Print) -> trimesh.Trimesh:

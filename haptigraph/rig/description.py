@@ -137,6 +137,11 @@ class Rig(Struct, frozen=True, forbid_unknown_fields=True):
         return (self.direct_mm or front_mm) + self.camera.pupil_mm
 
     @property
+    def px_per_mm(self) -> float:
+        """Scale of the section in the whole image."""
+        return self.camera.focal_px / self.path_mm
+
+    @property
     def mirrored(self) -> bool:
         """Whether the image as stored is left-right mirrored."""
         return len(self.mirrors) % 2 == 1

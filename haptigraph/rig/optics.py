@@ -62,12 +62,11 @@ class Optics(Struct, frozen=True):
     """Diameter of the blur at the worst point within 1.5 mm of the section."""
     airy_px: float
     """Diameter of Airy's disc."""
-    mirrored: bool
 
 
 def optics_of(rig: Rig) -> Optics:
     """Return the figures of a rig's optics."""
-    px_per_mm = rig.camera.focal_px / rig.path_mm
+    px_per_mm = rig.px_per_mm
     near, far = _sharp_mm(rig, 1.0)
     return Optics(
         px_per_mm=px_per_mm,
@@ -77,7 +76,6 @@ def optics_of(rig: Rig) -> Optics:
         sharp_to_mm=far - rig.path_mm,
         blur_px=max(_blur_px(rig, rig.path_mm + off) for off in (-NEAR_SECTION_MM, NEAR_SECTION_MM)),
         airy_px=_airy_px(rig),
-        mirrored=rig.mirrored,
     )
 
 

@@ -13,7 +13,7 @@ from haptigraph.registration.text import AnatomyPx, TrocarPx
 from haptigraph.rig.description import Rig
 from haptigraph.rig.view import Build, View, as_designed, drawn, retina_points
 
-__all__ = ["DRAWS", "Observed", "Prediction", "observe", "predict", "predicted_anatomy"]
+__all__ = ["DRAWS", "Observed", "Prediction", "observe", "predict", "predicted_anatomy", "vec_of"]
 
 DRAWS, SEED = 2000, 34
 SIDES = "left", "right"
@@ -91,7 +91,7 @@ def predicted_anatomy(rig: Rig, observed: Observed) -> AnatomyPx:
     """Return the registration of one rig, n = 1; without homography, as a frontal camera sees it."""
     ports = zip(rig.eye.trocars_deg, observed.ports_px[0], strict=True)
     trocars = tuple(
-        TrocarPx(SIDES[angle_deg > 0], _vec(point_px), used=not number)
+        TrocarPx(SIDES[angle_deg > 0], vec_of(point_px), used=not number)
         for number, (angle_deg, point_px) in enumerate(ports)
     )
     if trocars[0].name == trocars[1].name:
@@ -100,14 +100,15 @@ def predicted_anatomy(rig: Rig, observed: Observed) -> AnatomyPx:
         width_px=rig.camera.width_px,
         height_px=rig.camera.height_px,
         mirrored=rig.mirrored,
-        center_px=_vec(observed.center_px[0]),
+        center_px=vec_of(observed.center_px[0]),
         radius_px=float(observed.radius_px[0]),
         diameter_mm=rig.eye.diameter_mm,
-        contour_px=tuple(_vec(point_px) for point_px in observed.retina_px[0]),
-        target_px=_vec(observed.target_px[0]),
+        contour_px=tuple(vec_of(point_px) for point_px in observed.retina_px[0]),
+        target_px=vec_of(observed.target_px[0]),
         trocars=trocars,
     )
 
 
-def _vec(point: Floats) -> Vec:
+def vec_of(point: Floats) -> Vec:
+    """Return a point, (2,), as a pair."""
     return float(point[0]), float(point[1])

@@ -15,8 +15,7 @@ TOPS = {"up": "away from the eye", "down": "towards the eye", "left": "up", "rig
 def prediction_lines(prediction: Prediction, checks: Sequence[OpticalCheck]) -> list[str]:
     """Return the report, line by line."""
     rig, optics = prediction.rig, optics_of(prediction.rig)
-    to_mm = rig.path_mm + optics.sharp_to_mm
-    behind = f"{optics.sharp_to_mm:.1f} mm behind it" if math.isfinite(to_mm) else "infinity"
+    behind = f"{optics.sharp_to_mm:.1f} mm behind it" if math.isfinite(optics.sharp_to_mm) else "infinity"
     before = f"{abs(optics.sharp_from_mm):.1f} mm {'before' if optics.sharp_from_mm >= 0 else 'behind'} it"
     return [
         f"{rig.name}: {rig.camera.model}, {rig.camera.width_px} x {rig.camera.height_px} px",

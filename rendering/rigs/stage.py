@@ -14,7 +14,7 @@ from mathutils import Matrix, Vector
 from haptigraph.rig.description import Rig
 from haptigraph.rig.view import Build, View
 from rendering.materials import Material, mottled, plain
-from rendering.stage import silence
+from rendering.stage import add, silence
 
 __all__ = ["RigStage"]
 
@@ -95,7 +95,7 @@ class RigStage:
             place.z = light.from_section_mm + LED_MM
             area = bpy.data.lights.new("led", "AREA")
             area.shape, area.size, area.energy = "DISK", LED_MM, LED_W
-            lamp = _add("led", area)
+            lamp = add("led", area)
             lamp.location = place
             lamp.rotation_euler = place.to_track_quat("Z", "Y").to_euler()
         world = bpy.data.worlds.new("world")
@@ -112,7 +112,7 @@ class RigStage:
         data.clip_start, data.clip_end = 0.1, 2000
         data.dof.use_dof, data.dof.focus_distance = True, of.focus_mm
         data.dof.aperture_fstop = of.f_number / MM_PER_UNIT
-        camera = _add("camera", data)
+        camera = add("camera", data)
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = self._view.camera_axes[0], self._view.camera_mm[0]
         camera.matrix_world = Matrix(pose.tolist())
@@ -125,12 +125,6 @@ def _material(name: str) -> Material:
     if name in COLORS:
         return mottled(name, COLORS[name], 0.7, share=0.02, per_mm=1.2)
     return plain(name, PRINTED_COLOR, 0.7)
-
-
-def _add(name: str, data: bpy.types.ID) -> bpy.types.Object:
-    added = bpy.data.objects.new(name, data)
-    bpy.context.collection.objects.link(added)
-    return added
 
 
 def _set_up_cycles(rig: Rig) -> None:

@@ -3,12 +3,12 @@
 from collections.abc import Iterable
 from itertools import combinations
 
-import manifold3d
 import numpy as np
 import trimesh
 from msgspec import Struct
 
 from rig.assembly import Body
+from rig.meshes import solid_of
 from rig.parts import clip
 from rig.standard import PRESS_MM, SLIDE_MM
 
@@ -80,7 +80,7 @@ def gaps_of(bodies: Iterable[Body], meshes: dict[str, trimesh.Trimesh], board: b
         meshes: Their meshes by name, in the eye frame.
         board: Whether the camera is a bare board, which is screwed to its mount.
     """
-    solids = {name: _manifold(mesh) for name, mesh in meshes.items()}
+    solids = {name: solid_of(mesh) for name, mesh in meshes.items()}
     gaps = []
     for first, second in combinations(sorted(bodies, key=lambda body: body.name), 2):
         if first.group != second.group:
@@ -115,9 +115,3 @@ def _relation(kinds: tuple[str, ...], board: bool) -> tuple[str, float]:
 def _boxes_near(first: trimesh.Trimesh, second: trimesh.Trimesh) -> bool:
     (low, high), (other_low, other_high) = first.bounds, second.bounds
     return bool(np.all(low - APART_MM <= other_high) and np.all(other_low - APART_MM <= high))
-
-
-def _manifold(mesh: trimesh.Trimesh) -> manifold3d.Manifold:
-    return manifold3d.Manifold(
-        manifold3d.Mesh64(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.uint64))
-    )

@@ -4,7 +4,7 @@ import manifold3d
 import numpy as np
 import trimesh
 
-from rig.meshes import on_bed
+from rig.meshes import on_bed, solid_of
 from rig.standard import BED_MM, Print
 
 __all__ = ["bed_faults", "thinnest_mm", "wall_faults", "watertight_faults"]
@@ -19,10 +19,7 @@ INSIDE_MM = 1e-3
 
 def watertight_faults(name: str, mesh: trimesh.Trimesh) -> list[str]:
     """Return what is wrong with a surface: open, inside out, or in several pieces."""
-    solid = manifold3d.Manifold(
-        manifold3d.Mesh64(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.uint64))
-    )
-    if not mesh.is_watertight or solid.status() != manifold3d.Error.NoError:
+    if not mesh.is_watertight or solid_of(mesh).status() != manifold3d.Error.NoError:
         return [f"{name}: its surface is not closed; a printer needs a watertight mesh"]
     if mesh.volume <= 0 or not mesh.is_winding_consistent:
         return [f"{name}: its surface is inside out; normals must point outwards"]

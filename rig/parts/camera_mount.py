@@ -134,7 +134,6 @@ def _stand(layout: Layout, half_width_mm: float) -> Part:
     plate = [(base, z_mm), (base, z_mm + FLOOR_MM), (top, z_mm + FLOOR_MM), (top, z_mm)]
     below = top - layout.rig.camera.body_mm[1] / 2 - MOUNT_MM
     front = z_mm - RIB_MM
-    front = z_mm - RIB_MM
     rib = [(base, z_mm + 1), (base, front), (base + RIB_FOOT_MM, front), (below, z_mm + 1)]
     stand = prism(plate, Plane.YZ, x_mm - half_width_mm, x_mm + half_width_mm)
     return stand + prism(rib, Plane.YZ, x_mm - 4.5, x_mm + 4.5)

@@ -43,6 +43,7 @@ SMALLEST = {
     "force_loop": [(("--seconds", "1"), {"SETTLE_S": 0.1, "CHROMIUM": None})],
     "inference": [(("subretinal_injection_ioct",), {"ROUNDS": 2})],
     "interval_coverage": [(("--repeats", "20", "--sizes", "6", "--print-only"), {})],
+    "lens": [(("1", "1"), {})],
     "loop": [(("--steps", "20", "--paced", "5"), {"PASSES": 1})],
     "memory": [(("100",), {})],
     "depth": [(("--scenes", "2"), {})],

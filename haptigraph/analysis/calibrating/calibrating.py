@@ -13,7 +13,7 @@ from haptigraph.analysis.calibrating.factory import factory_lens
 from haptigraph.analysis.registering.registering import all_images, check_files
 from haptigraph.assemble import SOURCES, open_source
 from haptigraph.clock import MonotonicClock
-from haptigraph.config import SourceConfig, load_config
+from haptigraph.config import Config, SourceConfig, load_config
 from haptigraph.errors import BadInput
 from haptigraph.files import write_files
 from haptigraph.imaging import UPRIGHT
@@ -62,7 +62,7 @@ def calibrate_camera(
         BadInput: If the source cannot be read, or does not determine the lens; then no file is written.
     """
     config = _check(source, output, settings, force=force)
-    with closing(_images(config, settings, duration_s)) as images:
+    with closing(_images(config, duration_s)) as images:
         views, size_px = find_views(images, board, source, progress)
     try:
         found = calibrate(views, size_px)
@@ -91,7 +91,7 @@ def read_factory_lens(source: str, output: Path, settings: tuple[str, ...] = (),
         )
         raise BadInput(problem)
     is_live = kind == "realsense"
-    size, rate = (_size_px(config), config.rate_hz) if is_live else (None, None)
+    size, rate = (_size_px(config.source), config.source.rate_hz) if is_live else (None, None)
     lens, size_px, camera = factory_lens(kind, argument, size, rate)
     text = lens_file_text(
         LensFile(1, LensImage(*size_px), lens, f"{camera}, as its manufacturer calibrated it")
@@ -104,7 +104,7 @@ def read_factory_lens(source: str, output: Path, settings: tuple[str, ...] = (),
 def find_views(
     images: Iterable[Image], board: Board, source: str, progress: Progress | None = None
 ) -> tuple[list[View], tuple[int, int]]:
-    """Return different views of the board, at most 30, and the (width, height) of the images.
+    """Return different views of the board, at most 60, or 30 that cover the image, and the images' size.
 
     Raises:
         BadInput: If there are no images, they differ in size, or none shows the board.
@@ -121,10 +121,8 @@ def find_views(
             views.append(view)
         if progress:
             progress("views of the sheet", len(views), ENOUGH_VIEWS)
-        is_covered = len(views) >= ENOUGH_VIEWS and coverage(views, size_px) >= MIN_COVERAGE
-        if len(views) == MAX_VIEWS and is_covered:
-            break
-        if len(views) == 2 * MAX_VIEWS:
+        is_covered = len(views) == MAX_VIEWS and coverage(views, size_px) >= MIN_COVERAGE
+        if is_covered or len(views) == 2 * MAX_VIEWS:
             break
     if size_px is None:
         raise BadInput("has no images", source)
@@ -156,26 +154,23 @@ def _differ(one: View, other: View, width_px: int) -> bool:
     return bool(motion.mean() > MIN_MOTION * width_px)
 
 
-def _check(source: str, output: Path, settings: tuple[str, ...], *, force: bool) -> SourceConfig:
-    """Return the settings of the source; refuse those that turn or crop, and a file that exists."""
+def _check(source: str, output: Path, settings: tuple[str, ...], *, force: bool) -> Config:
+    """Return the settings; refuse those that turn or crop, and a file that exists."""
     check_files((output,), source, force=force)
-    config = load_config(None, (f"source.uri={source}", *settings)).source
-    if config.turn != UPRIGHT or config.crop_px:
+    config = load_config(None, (f"source.uri={source}", *settings))
+    if config.source.turn != UPRIGHT or config.source.crop_px:
         raise BadInput(
             "a lens is calibrated in images as the camera takes them; leave out rotation, mirror, crop"
         )
     return config
 
 
-def _images(
-    config: SourceConfig, settings: tuple[str, ...], duration_s: float
-) -> Generator[Image, None, None]:
-    if split_source(config.uri, SOURCES)[0] not in CAMERAS:
-        yield from all_images(config.uri)
+def _images(config: Config, duration_s: float) -> Generator[Image, None, None]:
+    if split_source(config.source.uri, SOURCES)[0] not in CAMERAS:
+        yield from all_images(config.source.uri)
         return
-    whole = load_config(None, (f"source.uri={config.uri}", *settings))
     first_ns = None
-    with closing(read_images(open_source(whole, MonotonicClock(), _size_px(config)))) as captures:
+    with closing(read_images(open_source(config, MonotonicClock(), _size_px(config.source)))) as captures:
         for capture in captures:
             first_ns = capture.stamp_ns if first_ns is None else first_ns
             if capture.stamp_ns - first_ns > duration_s * 1e9:

@@ -5,12 +5,11 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.analysis.registering.design import PORT_SD_MM, Design
+from haptigraph.analysis.registering.design import Design
 from haptigraph.analysis.registering.report import in_px_and_mm
-from haptigraph.geometry import Vec
-from haptigraph.imaging import Floats
 from haptigraph.perception.anatomy.anatomy import Anatomy
 from haptigraph.registration.text import AnatomyPx
+from haptigraph.rig.prediction import vec_of
 
 __all__ = ["Deviation", "design_lines", "deviations"]
 
@@ -52,7 +51,7 @@ def design_lines(design: Design, anatomy: Anatomy, found: AnatomyPx, *, has_targ
         has_target: Whether its target is the design's.
     """
     compared, mm = deviations(design, anatomy, found), design.prediction.mm_per_px
-    off_px = math.dist(found.target_px, _vec(design.prediction.expected.target_px[0]))
+    off_px = math.dist(found.target_px, vec_of(design.prediction.expected.target_px[0]))
     states = f"{design.file} states scale, mirror" + (", rim and target" if has_target else " and rim")
     lines = [
         f"design     {states}; off it: "
@@ -125,19 +124,12 @@ def _tilt(design: Design, anatomy: Anatomy) -> Deviation:
 
 def _roll(design: Design, anatomy: Anatomy) -> Deviation | None:
     """Compare the ports' angles; None if no port was found."""
-    ports_deg = design.expected.ports_deg
-    offs = [
-        min((trocar.angle_deg - port_deg for port_deg in ports_deg), key=abs)
-        for trocar in anatomy.trocars
-        if not trocar.is_designed
-    ]
+    expected = design.expected
+    offs = [expected.off_port_deg(trocar.angle_deg) for trocar in anatomy.trocars if not trocar.is_designed]
     if not offs:
         return None
     off_deg = float(np.median(offs))
-    sd_deg = math.hypot(
-        design.expected.ports_sd_deg,
-        math.degrees(PORT_SD_MM / (design.prediction.rig.eye.diameter_mm / 2)),
-    )
+    sd_deg = math.hypot(float(design.prediction.sd.roll_deg[0]), design.port_sd_deg)
     return Deviation(
         "ports",
         f"{off_deg:+.1f} deg",
@@ -145,7 +137,3 @@ def _roll(design: Design, anatomy: Anatomy) -> Deviation | None:
         "likely the eye or the camera is turned about the line of sight, or the trocars are not in the rig's "
         "ports: check the eye's pin and the camera's screws",
     )
-
-
-def _vec(point: Floats) -> Vec:
-    return float(point[0]), float(point[1])

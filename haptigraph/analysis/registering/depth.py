@@ -6,12 +6,12 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from haptigraph.assemble import SOURCES, open_source
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config, SourceConfig
 from haptigraph.errors import BadInput
+from haptigraph.imaging import Floats
 from haptigraph.messages import DepthImage
 from haptigraph.perception.anatomy.anatomy import Anatomy
 from haptigraph.projection import DepthCamera
@@ -22,8 +22,6 @@ from haptigraph.sources.reading import read_images
 from haptigraph.stages import Source
 
 __all__ = ["depth_line", "plane_of_face", "section_in_depth"]
-
-Floats = NDArray[np.float64]
 
 MAX_IMAGES = 40
 MIN_SEEN_SHARE = 0.3  # of the images in which a pixel must have a depth

@@ -11,18 +11,16 @@ from msgspec.structs import replace
 from haptigraph.analysis.registering.overrides import Overrides, named_trocars
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
-from haptigraph.imaging import Floats
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.anatomy.expected import Expected
 from haptigraph.perception.anatomy.port_opening import MIN_SEPARATION_DEG
 from haptigraph.rig.description import load_rig
-from haptigraph.rig.prediction import Prediction, predict
+from haptigraph.rig.prediction import Prediction, predict, vec_of
 
-__all__ = ["PORT_SD_MM", "Design", "load_design"]
+__all__ = ["Design", "load_design"]
 
-PORT_SD_MM = 0.3
-"""Standard deviation of a port found in the image, along the wall."""
+PORT_SD_MM = 0.3  # of a port found in the image, along the wall
 
 
 class Design(Struct, frozen=True, eq=False):
@@ -36,11 +34,10 @@ class Design(Struct, frozen=True, eq=False):
         """Where the anatomy should be in the image."""
         expected, sd, eye = self.prediction.expected, self.prediction.sd, self.prediction.rig.eye
         sign = -1 if self.prediction.rig.mirrored else 1
-        print_sd_deg = math.degrees(self.prediction.rig.tolerances.print_mm / (eye.diameter_mm / 2))
-        x_sd, y_sd = sd.center_px[0]
+        print_sd_deg = self._along_deg(self.prediction.rig.tolerances.print_mm)
         return Expected(
-            center_px=_vec(expected.center_px[0]),
-            center_sd_px=(float(x_sd), float(y_sd)),
+            center_px=vec_of(expected.center_px[0]),
+            center_sd_px=vec_of(sd.center_px[0]),
             radius_px=float(expected.radius_px[0]),
             radius_sd_px=float(sd.radius_px[0]),
             rim_ratio=float(expected.rim_ratio[0]),
@@ -122,18 +119,23 @@ class Design(Struct, frozen=True, eq=False):
 
     def roll(self, anatomy: Anatomy) -> tuple[float, float]:
         """Return how far the eye appears turned [deg] and its standard deviation: by tolerances and ports."""
-        expected = self.expected
-        prior_sd = float(self.prediction.sd.roll_deg[0])
-        print_sd = math.sqrt(max(expected.ports_sd_deg**2 - prior_sd**2, 0.0))
-        radius_mm = self.prediction.rig.eye.diameter_mm / 2
-        port_sd = math.hypot(print_sd, math.degrees(PORT_SD_MM / radius_mm))
+        expected, prior_sd, port_sd = self.expected, float(self.prediction.sd.roll_deg[0]), self.port_sd_deg
         offs = [
-            min((trocar.angle_deg - port_deg for port_deg in expected.ports_deg), key=abs)
+            expected.off_port_deg(trocar.angle_deg)
             for trocar in anatomy.trocars
             if expected.is_port(trocar.angle_deg) and not trocar.is_designed
         ]
         weight = 1 / prior_sd**2 + len(offs) / port_sd**2
         return sum(offs) / port_sd**2 / weight, math.sqrt(1 / weight)
+
+    @property
+    def port_sd_deg(self) -> float:
+        """Standard deviation of a port's angle as found, against the eye: printed, and seen in the image."""
+        return self._along_deg(math.hypot(self.prediction.rig.tolerances.print_mm, PORT_SD_MM))
+
+    def _along_deg(self, along_mm: float) -> float:
+        """Return the angle at the globe's centre of a length along its wall."""
+        return math.degrees(along_mm / (self.prediction.rig.eye.diameter_mm / 2))
 
 
 def load_design(file: str) -> Design:
@@ -150,7 +152,3 @@ def _point_at(anatomy: Anatomy, ratio: float, angle_deg: float) -> Vec:
     angle, (x, y) = math.radians(angle_deg), anatomy.center_px
     distance_px = ratio * anatomy.radius_px
     return x + distance_px * math.sin(angle), y - distance_px * math.cos(angle)
-
-
-def _vec(point: Floats) -> Vec:
-    return float(point[0]), float(point[1])

@@ -91,11 +91,11 @@ def register_source(
     check_files(files, source, force=force)
     with closing(all_images(source, overrides.turn)) as available:
         images = spread_images(available, source, overrides.images, progress)
+    overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
     if design:
         design.check_images(images[0], overrides, source)
-    overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
     expected, lens = design.expected if design else None, _lens(overrides, images)
-    anatomy = plausible_anatomy(images, overrides.globe_mm, source, expected, lens)
+    anatomy = plausible_anatomy(images, overrides.globe_mm, source, expected=expected, lens=lens)
     has_target = overrides.target is None and overrides.target_mm is None
     if design:
         anatomy = design.completed(anatomy)
@@ -129,6 +129,7 @@ def plausible_anatomy(
     images: Sequence[Image],
     diameter_mm: float,
     source: str,
+    *,
     expected: Expected | None = None,
     lens: Lens | None = None,
 ) -> Anatomy:
@@ -138,7 +139,7 @@ def plausible_anatomy(
         BadInput: If something cannot be found or is implausible; it names the source.
     """
     try:
-        anatomy = find_anatomy(images, expected, lens)
+        anatomy = find_anatomy(images, expected=expected, lens=lens)
     except BadInput as error:
         raise BadInput(error.problem, source) from None
     _check_plausible(anatomy, diameter_mm / (2 * anatomy.radius_px), source)

@@ -183,8 +183,7 @@ def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, written: TrocarPx, regis
     x, y = trocar.point_px
     return (
         f"trocar     {written.name}{used}: ({x:.1f}, {y:.1f}) px, {outside_mm:.2f} mm outside the inner "
-        f"edge, from "
-        f"{trocar_evidence(trocar.rcm, mm, is_designed=trocar.is_designed)}"
+        f"edge, from {trocar_evidence(trocar.rcm, mm, is_designed=trocar.is_designed)}"
     )
 
 

@@ -31,7 +31,7 @@ def scale(view: View, rig: Rig | None) -> Subject:
             f"{rig.camera.width_px} x {rig.camera.height_px} px"
         )
         return Subject("scale", measured, tuple(findings), reason)
-    expected = factor * rig.camera.focal_px / rig.path_mm
+    expected = factor * rig.px_per_mm
     sd_share = math.hypot(
         rig.tolerances.focal_percent / 100,
         math.sqrt(2) * rig.tolerances.position_mm / rig.path_mm,

@@ -8,6 +8,7 @@ middle of the wall, and the port openings (`port_opening`) lie in the plane and 
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import compress
 
 import numpy as np
@@ -63,7 +64,7 @@ class FoundTrocar(Struct, frozen=True):
     """Whether it was not found at all, and has its designed position."""
 
 
-class Anatomy(Struct, frozen=True, eq=False):
+class Anatomy(Struct, frozen=True, eq=False, dict=True):
     """The anatomy found, in the frontal view where the camera is tilted."""
 
     reference_image: Image
@@ -91,7 +92,7 @@ class Anatomy(Struct, frozen=True, eq=False):
     lens_risk_px: float | None = None
     """Without one, the error that its distortion does not exceed with a probability of 95 %."""
 
-    @property
+    @cached_property
     def frontal_map(self) -> ImageMap | None:
         """From the image as stored to the frontal view; None if they are the same."""
         return image_map(self.lens, self.tilt.frontal_from_image if self.tilt else None)
@@ -106,7 +107,7 @@ class Anatomy(Struct, frozen=True, eq=False):
 
 
 def find_anatomy(
-    images: Sequence[Image], expected: Expected | None = None, lens: Lens | None = None
+    images: Sequence[Image], *, expected: Expected | None = None, lens: Lens | None = None
 ) -> Anatomy:
     """Find globe, retina and trocars.
 
@@ -129,7 +130,7 @@ def find_anatomy(
     if frontal_map and tilt:
         frontal = tilt_corrected(reference, frontal_map)
         rim = find_rim(frontal, expected)
-    foot_x, foot_y = tilt.foot_px if tilt else principal_px
+    foot_px = foot_x, foot_y = tilt.foot_px if tilt else principal_px
     rough = find_rcms(images, frontal, rim) if len(images) > 1 else ()
     rcms = [rcm.combined_with(tracked_rcm(images, rim, rcm.point_px)) for rcm in rough]
     is_expected = expected and expected.is_near(rim.inner.center_px, rim.inner.radius_px)
@@ -139,7 +140,6 @@ def find_anatomy(
     if expected:
         are_ports = expected.ports_among([each.angle_deg for each in port_openings])
         port_openings = list(compress(port_openings, are_ports))
-    foot_px = foot_x, foot_y
     excess, excess_sd, rim_evidence = _rim_excess(rim, rcms, port_openings, tilt, foot_px, expected)
     rim_ratio = 1 + excess
 
@@ -159,7 +159,7 @@ def find_anatomy(
         trocars=_trocars(port_openings, rcms, section(rim.inner.center_px), middle_px / rim_ratio),
         rim_ratio=rim_ratio,
         rim_uncertainty_px=excess_sd
-        * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
+        * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, foot_px)),
         rim_evidence=rim_evidence,
         lens=lens,
         lens_risk_px=None if lens else lens_risk_px(rim, tilt, (reference.shape[1], reference.shape[0])),
@@ -207,8 +207,11 @@ def _rim_excess(
     because the wall occludes the needle.
     """
     center, radius_px = rim.inner.center_px, rim.inner.radius_px
-    prior_sd = min(RIM_EXCESS_SD, RIM_HEIGHT_RATIO * radius_px / tilt.focal_px) if tilt else RIM_EXCESS_SD
-    prior, prior_sd = (expected.rim_ratio - 1, expected.rim_ratio_sd) if expected else (0.0, prior_sd)
+    prior, prior_sd = 0.0, RIM_EXCESS_SD
+    if expected:
+        prior, prior_sd = expected.rim_ratio - 1, expected.rim_ratio_sd
+    elif tilt:
+        prior_sd = min(RIM_EXCESS_SD, RIM_HEIGHT_RATIO * radius_px / tilt.focal_px)
     estimates: list[tuple[float, float]] = [(prior, prior_sd)]
     evidence = ["design"] if expected else []
 

@@ -145,11 +145,10 @@ def _residuals(values: Floats, points: tuple[Floats, Floats], principal_px: Vec,
     """Return the distances of the points from their circles in the frontal view [standard deviations]."""
     x, y, radius, right, down, closeness, wall = values
     tilt = CameraTilt((x, y), (right, down), radius / closeness, principal_px)
-    matrix = tilt.frontal_from_image.matrix
+    homography = tilt.frontal_from_image
     mean, sd = prior.closeness
     parts = [np.array([(closeness - mean) / sd, right / prior.tilt_sd_rad, down / prior.tilt_sd_rad])]
-    for edge_points, circle in zip(points, (radius, wall * radius), strict=True):
-        frontal = edge_points @ matrix[:, :2].T + matrix[:, 2]
-        offset = frontal[:, :2] / frontal[:, 2:] - (x, y)
+    for of_edge, circle in zip(points, (radius, wall * radius), strict=True):
+        offset = homography.many(of_edge) - (x, y)
         parts.append((np.hypot(offset[:, 0], offset[:, 1]) - circle) / EDGE_SD_PX)
     return np.concatenate(parts)

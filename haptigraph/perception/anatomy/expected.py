@@ -55,10 +55,13 @@ class Expected(Struct, frozen=True):
         """Return whether two edges may be those of the wall, by the ratio of their radii."""
         return abs(wall_ratio - self.wall_ratio) <= NEAR_SD * self.wall_ratio_sd + WALL_SLACK
 
+    def off_port_deg(self, angle_deg: float) -> float:
+        """Return how far an angle is from the nearest port, positive clockwise; infinite without ports."""
+        return min((angle_deg - port_deg for port_deg in self.ports_deg), key=abs, default=math.inf)
+
     def is_port(self, angle_deg: float) -> bool:
         """Return whether an opening at an angle may be a port."""
-        off_deg = (abs(angle_deg - port_deg) for port_deg in self.ports_deg)
-        return min(off_deg, default=math.inf) <= NEAR_SD * self.ports_sd_deg
+        return abs(self.off_port_deg(angle_deg)) <= NEAR_SD * self.ports_sd_deg
 
     def ports_among(self, angles_deg: Sequence[float]) -> list[bool]:
         """Return which openings may be ports: those near one; else those as far apart as the ports are.

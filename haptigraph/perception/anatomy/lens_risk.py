@@ -56,7 +56,7 @@ def _costs_and_errors(rim: Rim, tilt: CameraTilt | None, size_px: tuple[int, int
     turns = np.linspace(0, 2 * math.pi, SPOKES, endpoint=False)
     disc = (RINGS[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)).reshape(-1, 2)
     inner_px, outer_px, disc_px = (
-        _in_image(points, tilt)
+        tilt.image_from_frontal.many(points) if tilt else points
         for points in (
             edge_points(inner)[::EVERY],
             edge_points(outer)[::EVERY],
@@ -86,20 +86,13 @@ def _costs_and_errors(rim: Rim, tilt: CameraTilt | None, size_px: tuple[int, int
 def _section_positions(points_px: Floats, values: Floats, middle_px: Vec) -> Floats:
     """Return where points are in the section [radii of the globe], by the parameters of `fit_circles`."""
     x, y, radius, right, down, closeness, _ = map(float, values)
-    matrix = CameraTilt((x, y), (right, down), radius / closeness, middle_px).frontal_from_image.matrix
-    frontal = points_px @ matrix[:, :2].T + matrix[:, 2]
-    return np.asarray((frontal[:, :2] / frontal[:, 2:] - (x, y)) / radius)
+    tilt = CameraTilt((x, y), (right, down), radius / closeness, middle_px)
+    return np.asarray((tilt.frontal_from_image.many(points_px) - (x, y)) / radius)
 
 
 def _outwards(count: int) -> list[int]:
     """Return numbers from the middle one to both ends, so that each fit starts from its neighbour's."""
     return sorted(range(count), key=lambda number: abs(number - count // 2))
-
-
-def _in_image(points_px: Floats, tilt: CameraTilt | None) -> Floats:
-    if tilt is None:
-        return points_px
-    return np.array([tilt.image_from_frontal((x, y)) for x, y in points_px.tolist()])
 
 
 def _undistorted(points_px: Floats, share: float, middle_px: Vec) -> Floats:

@@ -9,7 +9,9 @@ import pytest
 from click.testing import CliRunner
 from msgspec.structs import replace
 
+from haptigraph.analysis.registering import registering
 from haptigraph.cli import main
+from haptigraph.imaging import Turn
 from haptigraph.messages import Image
 from haptigraph.registration.loading import load_camera_registration
 from haptigraph.rig.description import load_rig
@@ -145,6 +147,12 @@ def test_what_contradicts_the_design_is_refused(tmp_path, sound):
     assert "does not go with --rig" in refused(tmp_path, sound, "--set", "source.mirror=true")
     half = np.ascontiguousarray(sound[::2, ::2])
     assert "are 640 x 360 px, but the rig's camera takes 1280 x 720 px" in refused(tmp_path, half)
+
+
+def test_a_recording_of_turned_images_is_refused_as_their_source_is(tmp_path, sound, monkeypatch):
+    monkeypatch.setattr(registering, "recorded_turn", lambda uri: Turn(0, mirror=True))
+
+    assert "source.mirror=true does not go with --rig" in refused(tmp_path, sound)
 
 
 def test_a_camera_that_is_mounted_upside_down_is_turned_by_its_source(tmp_path, sound):
