@@ -117,10 +117,13 @@ def replay(
     start_ns, reader.dropped_images = None, 0
     for recorded, replayed in replay_steps(reader, applied):
         start_ns = recorded.stamp_ns if start_ns is None else start_ns
-        difference = _compare(report.steps, (recorded.stamp_ns - start_ns) / 1e9, recorded, replayed)
+        differing = _differing(recorded, replayed)
+        if differing is not None and report.first is None:
+            message, before, after = differing
+            time_s = (recorded.stamp_ns - start_ns) / 1e9
+            report.first = Difference(report.steps, time_s, message, *differing_parts(before, after))
         report.steps += 1
-        report.identical += difference is None
-        report.first = report.first or difference
+        report.identical += differing is None
         _count(report, recorded, replayed)
         report.recorded.add(recorded)
         report.replayed.add(replayed)
@@ -255,9 +258,10 @@ def _count(report: ReplayReport, recorded: Step, replayed: Step) -> None:
     report.replayed_patterns[after] += 1
 
 
-def _compare(number: int, time_s: float, recorded: Step, replayed: Step) -> Difference | None:
+def _differing(recorded: Step, replayed: Step) -> tuple[str, bytes, bytes] | None:
+    """Return the first message that differs, as recorded and as replayed; None: the steps are identical."""
     for message in COMPARED:
         before, after = (msgspec.json.encode(getattr(step, message)) for step in (recorded, replayed))
         if before != after:
-            return Difference(number, time_s, message, *differing_parts(before, after))
+            return message, before, after
     return None
