@@ -111,7 +111,7 @@ def replay(
         losses=reader.losses,
         decoder=reader.info.decoder,
         assumed=recorded_registration(reader).assumed,
-        recorded=RunMeasures.under(_procedure(reader, None)),
+        recorded=RunMeasures.under(recorded_procedure(reader)),
         replayed=RunMeasures.under(applied),
     )
     start_ns, reader.dropped_images = None, 0
@@ -173,13 +173,16 @@ def recorded_config(reader: RunReader) -> Config:
         raise BadInput(f"configuration in it cannot be read: {error}", reader.path) from None
 
 
-def recorded_procedure(path: str | Path) -> Procedure:
+def recorded_procedure(reader: RunReader) -> Procedure:
     """Return the procedure of a recorded run.
 
     Raises:
-        BadInput: If it cannot be read or is not valid.
+        BadInput: If it is not valid.
     """
-    return _procedure(RunReader(path), None)
+    try:
+        return _procedure_of(reader.info.procedure)
+    except BadInput as error:
+        raise BadInput(error.problem, f"procedure in {reader.path}", error.place) from None
 
 
 def recorded_registration(reader: RunReader) -> BaseRegistration:
@@ -197,12 +200,7 @@ def recorded_registration(reader: RunReader) -> BaseRegistration:
 def _procedure(reader: RunReader, given: str | Procedure | None) -> Procedure:
     if isinstance(given, Procedure):
         return given
-    if given:
-        return assemble.load_procedure(given)
-    try:
-        return _procedure_of(reader.info.procedure)
-    except BadInput as error:
-        raise BadInput(error.problem, f"procedure in {reader.path}", error.place) from None
+    return assemble.load_procedure(given) if given else recorded_procedure(reader)
 
 
 @lru_cache(maxsize=8)
