@@ -1,15 +1,14 @@
 """What a batch does with one recording, and what comes of it."""
 
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
 from haptigraph.version import __version__
 
-__all__ = ["KINDS", "BatchTask", "Done", "Kind"]
+__all__ = ["BatchTask", "Done", "Kind"]
 
 Kind: TypeAlias = Literal["replay", "measure", "evaluate", "export"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
 class BatchTask(Struct, frozen=True):
