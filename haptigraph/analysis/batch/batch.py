@@ -98,6 +98,7 @@ def run_batch(
         stored = results.stored()
         results.remove(sorted(stored.keys() - {each.name for each in found}))
         ran, tasks = Ran(), list[BatchTask]()
+        where, output = str(batch.folder.resolve()), batch.output.resolve()
         for name, size, changed_ns in found:
             path = batch.folder / name
             if stored.get(name) == (size, changed_ns):
@@ -105,10 +106,10 @@ def run_batch(
             elif not is_whole(path) and is_being_written(path):
                 ran.being_written += 1
             else:
-                output = str((batch.output / name).with_suffix(SUFFIXES[batch.format]))
-                where, procedure = str(batch.folder.resolve()), (text, batch.procedure)
-                exported = (output, batch.format) if batch.kind == "export" else ()
-                tasks.append(BatchTask(batch.kind, where, name, size, changed_ns, *procedure, *exported))
+                file = str((output / name).with_suffix(SUFFIXES[batch.format]))
+                exported = (file, batch.format) if batch.kind == "export" else ()
+                about = (batch.kind, where, name, size, changed_ns, text, batch.procedure)
+                tasks.append(BatchTask(*about, *exported))
         total = ran.before + len(tasks)
         if progress is not None:
             progress(DOING[batch.kind], ran.before, total)
