@@ -12,7 +12,6 @@ from haptigraph.analysis.batch.work import do_task
 from haptigraph.analysis.evaluation.origin import software_sha256
 from haptigraph.analysis.exporting.runs import SUFFIXES
 from haptigraph.assemble import load_procedure
-from haptigraph.errors import BadInput
 from haptigraph.recording.journal import is_being_written, is_whole, not_being_written
 from haptigraph.recording.writer import Progress
 from haptigraph.spreading.spread import spread
@@ -114,8 +113,6 @@ def run_batch(
         if progress is not None:
             progress(DOING[batch.kind], ran.before, total)
         for task, done in spread(do_task, tasks, workers=workers, cluster=cluster) if tasks else ():
-            if isinstance(done, Done):
-                _check_version(done, cluster)
             results.add(task, Done(problem=done.problem) if isinstance(done, Killed) else done)
             ran.now += 1
             if progress is not None:
@@ -130,9 +127,3 @@ def open_results(batch: Batch) -> BatchResults:
         BadInput: If they are those of another one.
     """
     return BatchResults(batch.output / RESULTS, batch.about())
-
-
-def _check_version(done: Done, cluster: Cluster | None) -> None:
-    if done.version != __version__:
-        problem = f"its workers have haptigraph {done.version}, this is {__version__}; use the same version"
-        raise BadInput(problem, cluster.address if cluster else None)

@@ -4,8 +4,6 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
-from haptigraph.version import __version__
-
 __all__ = ["BatchTask", "Done", "Kind"]
 
 Kind: TypeAlias = Literal["replay", "measure", "evaluate", "export"]
@@ -37,5 +35,3 @@ class Done(Struct, frozen=True):
     """Why the recording was passed over; empty: it was not."""
     cpu_s: float = 0.0
     """Processor time of the worker."""
-    version: str = __version__
-    """Of haptigraph on the worker."""
