@@ -5,7 +5,7 @@ its workers, and a scheduler can answer with code for this program. `Cluster.tls
 certificate.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import CancelledError
 from contextlib import ExitStack
 from itertools import islice
@@ -31,7 +31,7 @@ TLS_FILES = ("ca.pem", "cert.pem", "key.pem")
 
 def on_cluster(
     work: Callable[[Task], Result], tasks: Iterable[Task], cluster: Cluster
-) -> Iterator[tuple[Task, Result | Killed]]:
+) -> Generator[tuple[Task, Result | Killed], None, None]:
     """Yield every task with its result, in the order of completion.
 
     Args:

@@ -4,7 +4,7 @@ Each process works on one task at a time, so that it is known which task it died
 """
 
 import signal
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
 from itertools import islice
 from multiprocessing import get_context
@@ -25,7 +25,7 @@ MAX_FAILED_STARTS = 50
 
 def in_processes(
     work: Callable[[Task], Result], tasks: Iterable[Task], workers: int
-) -> Iterator[tuple[Task, Result | Killed]]:
+) -> Generator[tuple[Task, Result | Killed], None, None]:
     """Yield every task with its result, in the order of completion; an exception of `work` is raised.
 
     Args:

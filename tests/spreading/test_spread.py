@@ -65,6 +65,13 @@ def test_tasks_are_taken_on_demand():
     assert active_children() == []
 
 
+def test_a_worker_of_another_version_is_refused(monkeypatch):
+    monkeypatch.setattr("haptigraph.spreading.spread.__version__", "0.0.1")  # here, not in the worker
+    with pytest.raises(BadInput, match=r"its workers have haptigraph \S+, this is 0\.0\.1; use the same"):
+        list(spread(square, [1, 2]))
+    assert active_children() == []
+
+
 def test_an_exception_of_a_task_is_raised_and_ends_the_workers():
     with pytest.raises(BadInput, match="tasks: is three"):
         list(spread(fail_at_three, range(10), workers=2))

@@ -8,8 +8,8 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
+from haptigraph.analysis.metrics.replay import recorded_procedure
 from haptigraph.analysis.metrics.run import RunMeasures
-from haptigraph.assemble import parse_procedure
 from haptigraph.checksum import sha256_of
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.haptics.pattern import amplitude_at
@@ -73,7 +73,7 @@ def _about(reader: RunReader) -> dict[str, Any]:
 
 
 def _read(reader: RunReader, row: dict[str, Any]) -> Entry:
-    procedure = parse_procedure(reader.info.procedure, f"procedure in {reader.path}")
+    procedure = recorded_procedure(reader)
     measures, steps = RunMeasures.under(procedure), _Steps(procedure)
     for capture, step in reader.records(images=()):
         measures.add(step)

@@ -12,7 +12,6 @@ from haptigraph.analysis.batch.work import do_task
 from haptigraph.analysis.evaluation.origin import software_sha256
 from haptigraph.analysis.exporting.runs import SUFFIXES
 from haptigraph.assemble import load_procedure
-from haptigraph.errors import BadInput
 from haptigraph.recording.journal import is_being_written, is_whole, not_being_written
 from haptigraph.recording.writer import Progress
 from haptigraph.spreading.spread import spread
@@ -98,6 +97,7 @@ def run_batch(
         stored = results.stored()
         results.remove(sorted(stored.keys() - {each.name for each in found}))
         ran, tasks = Ran(), list[BatchTask]()
+        where, output = str(batch.folder.resolve()), batch.output.resolve()
         for name, size, changed_ns in found:
             path = batch.folder / name
             if stored.get(name) == (size, changed_ns):
@@ -105,16 +105,14 @@ def run_batch(
             elif not is_whole(path) and is_being_written(path):
                 ran.being_written += 1
             else:
-                output = str((batch.output / name).with_suffix(SUFFIXES[batch.format]))
-                where, procedure = str(batch.folder.resolve()), (text, batch.procedure)
-                exported = (output, batch.format) if batch.kind == "export" else ()
-                tasks.append(BatchTask(batch.kind, where, name, size, changed_ns, *procedure, *exported))
+                file = str((output / name).with_suffix(SUFFIXES[batch.format]))
+                exported = (file, batch.format) if batch.kind == "export" else ()
+                about = (batch.kind, where, name, size, changed_ns, text, batch.procedure)
+                tasks.append(BatchTask(*about, *exported))
         total = ran.before + len(tasks)
         if progress is not None:
             progress(DOING[batch.kind], ran.before, total)
         for task, done in spread(do_task, tasks, workers=workers, cluster=cluster) if tasks else ():
-            if isinstance(done, Done):
-                _check_version(done, cluster)
             results.add(task, Done(problem=done.problem) if isinstance(done, Killed) else done)
             ran.now += 1
             if progress is not None:
@@ -129,9 +127,3 @@ def open_results(batch: Batch) -> BatchResults:
         BadInput: If they are those of another one.
     """
     return BatchResults(batch.output / RESULTS, batch.about())
-
-
-def _check_version(done: Done, cluster: Cluster | None) -> None:
-    if done.version != __version__:
-        problem = f"its workers have haptigraph {done.version}, this is {__version__}; use the same version"
-        raise BadInput(problem, cluster.address if cluster else None)

@@ -1,15 +1,12 @@
 """What a batch does with one recording, and what comes of it."""
 
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
-from haptigraph.version import __version__
-
-__all__ = ["KINDS", "BatchTask", "Done", "Kind"]
+__all__ = ["BatchTask", "Done", "Kind"]
 
 Kind: TypeAlias = Literal["replay", "measure", "evaluate", "export"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
 class BatchTask(Struct, frozen=True):
@@ -38,5 +35,3 @@ class Done(Struct, frozen=True):
     """Why the recording was passed over; empty: it was not."""
     cpu_s: float = 0.0
     """Processor time of the worker."""
-    version: str = __version__
-    """Of haptigraph on the worker."""

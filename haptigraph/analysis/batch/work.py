@@ -18,6 +18,7 @@ from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.inference.procedure import Procedure
+from haptigraph.recording.reader import RunReader
 
 __all__ = ["do_task"]
 
@@ -57,7 +58,7 @@ def _procedure(task: BatchTask) -> Procedure | None:
 
 def _replay(path: Path, task: BatchTask) -> dict[str, Any]:
     other = _procedure(task)
-    recorded = recorded_procedure(path)
+    recorded = recorded_procedure(RunReader(path))
     moments = Moments(recorded.kinds, (other or recorded).kinds)
     report = replay(path, other, watch=moments.add)
     return {

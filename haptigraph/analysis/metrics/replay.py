@@ -111,16 +111,19 @@ def replay(
         losses=reader.losses,
         decoder=reader.info.decoder,
         assumed=recorded_registration(reader).assumed,
-        recorded=RunMeasures.under(_procedure(reader, None)),
+        recorded=RunMeasures.under(recorded_procedure(reader)),
         replayed=RunMeasures.under(applied),
     )
     start_ns = None
     for recorded, replayed in replay_steps(reader, applied):
         start_ns = recorded.stamp_ns if start_ns is None else start_ns
-        difference = _compare(report.steps, (recorded.stamp_ns - start_ns) / 1e9, recorded, replayed)
+        differing = _differing(recorded, replayed)
+        if differing is not None and report.first is None:
+            message, before, after = differing
+            time_s = (recorded.stamp_ns - start_ns) / 1e9
+            report.first = Difference(report.steps, time_s, message, *differing_parts(before, after))
         report.steps += 1
-        report.identical += difference is None
-        report.first = report.first or difference
+        report.identical += differing is None
         _count(report, recorded, replayed)
         report.recorded.add(recorded)
         report.replayed.add(replayed)
@@ -170,13 +173,16 @@ def recorded_config(reader: RunReader) -> Config:
         raise BadInput(f"configuration in it cannot be read: {error}", reader.path) from None
 
 
-def recorded_procedure(path: str | Path) -> Procedure:
+def recorded_procedure(reader: RunReader) -> Procedure:
     """Return the procedure of a recorded run.
 
     Raises:
-        BadInput: If it cannot be read or is not valid.
+        BadInput: If it is not valid.
     """
-    return _procedure(RunReader(path), None)
+    try:
+        return _procedure_of(reader.info.procedure)
+    except BadInput as error:
+        raise BadInput(error.problem, f"procedure in {reader.path}", error.place) from None
 
 
 def recorded_registration(reader: RunReader) -> BaseRegistration:
@@ -194,12 +200,7 @@ def recorded_registration(reader: RunReader) -> BaseRegistration:
 def _procedure(reader: RunReader, given: str | Procedure | None) -> Procedure:
     if isinstance(given, Procedure):
         return given
-    if given:
-        return assemble.load_procedure(given)
-    try:
-        return _procedure_of(reader.info.procedure)
-    except BadInput as error:
-        raise BadInput(error.problem, f"procedure in {reader.path}", error.place) from None
+    return assemble.load_procedure(given) if given else recorded_procedure(reader)
 
 
 @lru_cache(maxsize=8)
@@ -255,9 +256,10 @@ def _count(report: ReplayReport, recorded: Step, replayed: Step) -> None:
     report.replayed_patterns[after] += 1
 
 
-def _compare(number: int, time_s: float, recorded: Step, replayed: Step) -> Difference | None:
+def _differing(recorded: Step, replayed: Step) -> tuple[str, bytes, bytes] | None:
+    """Return the first message that differs, as recorded and as replayed; None: the steps are identical."""
     for message in COMPARED:
         before, after = (msgspec.json.encode(getattr(step, message)) for step in (recorded, replayed))
         if before != after:
-            return Difference(number, time_s, message, *differing_parts(before, after))
+            return message, before, after
     return None

@@ -24,8 +24,8 @@ from haptigraph.analysis.metrics.movement import (
     movements_of,
     tremor_power,
 )
+from haptigraph.analysis.metrics.replay import recorded_procedure
 from haptigraph.analysis.metrics.run import RunMeasures
-from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
 from haptigraph.graph import Triplet
@@ -66,7 +66,7 @@ def measure_recording(path: str | Path) -> dict[str, float | int | str]:
         raise BadInput("was interrupted, so it is no trial; complete it with `haptigraph recover`", path)
     if reader.losses is not None:
         raise BadInput("was recovered from a damaged recording and lacks steps, so it is no trial", path)
-    procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
+    procedure = recorded_procedure(reader)
     config: dict[str, Any] = msgspec.json.decode(reader.info.config)
     haptics = config.get("haptics", {})
     has_haptics = haptics.get("max_amplitude", 1.0) > 0

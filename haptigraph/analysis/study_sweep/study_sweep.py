@@ -151,7 +151,6 @@ def run_sweep(
         for done, (task, trials) in enumerate(finished, 1):
             if isinstance(trials, Killed):
                 raise HaptigraphError(f"participant {task.number + 1}: {trials.problem}")
-            _check_version(trials, cluster)
             results.add(task.variation.label, task.number, trials)
             report("simulating participants", total - len(missing) + done, total)
         rows = [row for each in sweep.variations for row in results.trials(each.label, sweep.participants)]
@@ -203,10 +202,3 @@ def _row(task: SweepTask, trial: TrialSpec, rehearsal: Rehearsal) -> dict[str, A
         "steered_s": rehearsal.steered_s,
         "software": __version__,
     }
-
-
-def _check_version(trials: list[dict[str, Any]], cluster: Cluster | None) -> None:
-    others = {str(row["software"]) for row in trials} - {__version__}
-    if others:
-        problem = f"its workers have haptigraph {others.pop()}, this is {__version__}; use the same version"
-        raise BadInput(problem, cluster.address if cluster else "")

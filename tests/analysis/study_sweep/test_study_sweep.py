@@ -11,11 +11,11 @@ import pytest
 from distributed import LocalCluster
 from msgspec.structs import replace
 
-from haptigraph.analysis.study_sweep import study_sweep
 from haptigraph.analysis.study_sweep.results import SweepResults
 from haptigraph.analysis.study_sweep.study_sweep import AS_DRAWN, Sweep, run_sweep, run_task, variations_of
 from haptigraph.analysis.study_sweep.summary import markdown, sweep_summary, trials_table
 from haptigraph.errors import BadInput
+from haptigraph.spreading import spread
 from haptigraph.spreading.tasks import Cluster
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.simulated.participant import draw_participant
@@ -105,7 +105,7 @@ def test_a_cluster_is_used_by_its_address_and_must_have_the_same_version(quick, 
             Sweep(quick, 1, 1), tmp_path / "a", cluster=Cluster(cluster.scheduler_address)
         )
         assert (count, rows) == (1, run_task(Sweep(quick, 1, 1).task(AS_DRAWN, 0)))
-        monkeypatch.setattr(study_sweep, "run_task", lambda task: [{**rows[0], "software": "0.0.9"}])
+        monkeypatch.setattr(spread, "_stamped", lambda work, task: ("0.0.9", work(task)))
         with pytest.raises(BadInput, match=r"its workers have haptigraph 0\.0\.9, this is "):
             run_sweep(Sweep(quick, 1, 1), tmp_path / "b", cluster=Cluster(cluster.scheduler_address))
 
