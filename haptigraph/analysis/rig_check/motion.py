@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.analysis.rig_check.view import View, polar_samples
+from haptigraph.analysis.rig_check.view import View
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, grey_of
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.edge import Edge
+from haptigraph.perception.anatomy.port_opening import polar_samples
 from haptigraph.perception.anatomy.rim import Rim
 
 __all__ = ["PORT_MATCH_DEG", "Motion", "by_reference", "by_rim", "turned_ports_deg"]

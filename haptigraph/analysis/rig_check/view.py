@@ -3,7 +3,6 @@
 import math
 from functools import cached_property
 
-import cv2
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
@@ -15,12 +14,12 @@ from haptigraph.imaging import Floats, Mask, colored, tilt_corrected
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.edge import Edge
 from haptigraph.perception.anatomy.moving_shaft import median_image
-from haptigraph.perception.anatomy.port_opening import find_port_openings
+from haptigraph.perception.anatomy.port_opening import find_port_openings, polar_samples
 from haptigraph.perception.anatomy.rim import Rim, visible_rim
 from haptigraph.perception.anatomy.upright import moving_outside
 from haptigraph.registration.camera import Registration
 
-__all__ = ["View", "angle_from_top_deg", "polar_samples", "rim_of", "view_of"]
+__all__ = ["View", "angle_from_top_deg", "rim_of", "view_of"]
 
 
 class View(Struct, frozen=True, dict=True, eq=False):
@@ -123,14 +122,6 @@ def rim_of(image: Image) -> tuple[Rim | None, str]:
 def angle_from_top_deg(point_px: Vec, center_px: Vec) -> float:
     """Return the direction of a point from a centre, from the top, positive to the image's right."""
     return math.degrees(math.atan2(point_px[0] - center_px[0], center_px[1] - point_px[1]))
-
-
-def polar_samples(image: Image, center_px: Vec, angles_deg: Floats, radii_px: Floats) -> Floats:
-    """Sample an image at angles from the top (n,) and radii (m,), (n, m, 3) or (n, m) of a grey one."""
-    angles = np.radians(angles_deg)[:, None]
-    x = (center_px[0] + radii_px * np.sin(angles)).astype(np.float32)
-    y = (center_px[1] - radii_px * np.cos(angles)).astype(np.float32)
-    return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR), np.float64)
 
 
 def _rotated(edge: Edge, image: Image) -> Edge:
