@@ -7,7 +7,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from haptigraph.assemble import SOURCES, open_source
+from haptigraph.assemble import SOURCES, is_live, open_source
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, EndOfSource, SourceLost
@@ -16,7 +16,7 @@ from haptigraph.messages import Capture, Image
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.camera import Registration
 from haptigraph.run_registration import registration_of
-from haptigraph.sources.naming import CAMERAS, split_source
+from haptigraph.sources.naming import split_source
 from haptigraph.stages import Source
 
 __all__ = ["Clip", "clip_of", "watch"]
@@ -63,7 +63,7 @@ def watch(
         BadInput: If the source cannot be read, or the registration is not for its images.
     """
     kind = split_source(config.source.uri, SOURCES)[0]
-    clock: Clock = MonotonicClock() if kind in CAMERAS else VirtualClock()
+    clock: Clock = MonotonicClock() if is_live(kind) else VirtualClock()
     size_px = (given.width_px, given.height_px) if given else None
     losses: list[str] = []
     with closing(open_source(config, clock, size_px)) as source:
