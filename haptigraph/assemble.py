@@ -94,7 +94,7 @@ def build(
     config = config.with_perceiver(perceiver_name(config, procedure))  # so that a recording names it
     load_registration = _load("haptigraph.registration.loading:load_registration")
     given = load_registration(config.source.registration) if config.source.registration else None
-    if config.source.depth is None and getattr(given, "depth", None) is not None:
+    if config.source.depth is None and given is not None and given.depth is not None:
         config = config.with_depth()
     with ExitStack() as undo:
         source = open_source(config, clock, (given.width_px, given.height_px) if given else None)
@@ -294,7 +294,7 @@ def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Pro
     if (tilt := registration.image.frontal_from_image) is not None:
         tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")
         perceive = tilt_corrected(perceive, registration, tilt)
-    if (plane := getattr(registration, "depth", None)) is not None:
+    if (plane := registration.depth) is not None:
         in_space = _load("haptigraph.perception.depth.perceiver:DepthPerceiver")
         perceive = in_space(perceive, registration, plane, config.perception.needle_mm)
     if ROBOT_TIP in [entity.name for entity in procedure.schema.entities]:
