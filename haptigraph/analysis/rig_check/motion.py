@@ -18,7 +18,7 @@ from haptigraph.perception.anatomy.edge import Edge
 from haptigraph.perception.anatomy.port_opening import polar_samples
 from haptigraph.perception.anatomy.rim import Rim
 
-__all__ = ["PORT_MATCH_DEG", "Motion", "by_reference", "by_rim", "turned_ports_deg"]
+__all__ = ["Motion", "by_reference", "by_rim", "turned_ports_deg"]
 
 POINTS, QUALITY, SPACING_PX = 400, 0.01, 8
 MIN_POINTS = 25

@@ -38,7 +38,6 @@ class Mark(Struct, frozen=True):
     angle_deg: float
     """From the bottom of the picture, positive to its right."""
     sd_deg: float
-    width_deg: float
 
 
 def target(view: View, rig: Rig | None) -> Subject:
@@ -129,7 +128,7 @@ def _mark(view: View, band_mm: tuple[float, float]) -> Mark | None:
     if contrast[elsewhere].max() > MAX_RIVAL * contrast[peak]:
         return None
     sd_deg = max(width_deg / 12, STEP_DEG)
-    return Mark(float(start_deg + stop_deg) / 2, sd_deg, width_deg)
+    return Mark(float(start_deg + stop_deg) / 2, sd_deg)
 
 
 def _contrast(tone: Floats) -> Floats:
