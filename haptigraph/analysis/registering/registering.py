@@ -39,7 +39,7 @@ from haptigraph.registration.lens_file import load_lens
 from haptigraph.registration.loading import parse_camera_registration, parse_registration
 from haptigraph.registration.text import registration_text
 from haptigraph.sources.naming import split_source
-from haptigraph.sources.reading import read_images
+from haptigraph.sources.reading import SpreadImages, read_images
 from haptigraph.stages import Source
 
 __all__ = [
@@ -174,21 +174,16 @@ def spread_images(
     Raises:
         BadInput: If there are none, or they differ in size.
     """
-    picked: list[Image] = []
-    step = 1
+    spread = SpreadImages(max_images)
     for count, image in enumerate(images):
-        if count % step == 0:
-            picked.append(image)
-        if len(picked) == 2 * max_images:
-            picked, step = picked[::2], 2 * step
+        spread.add(image)
         if progress and count % 25 == 0:
             progress("reading", count, count + 25)
-    if not picked:
+    if not spread.held:
         raise BadInput("has no images", source)
-    if any(image.shape != picked[0].shape for image in picked):
+    if any(image.shape != spread.held[0].shape for image in spread.held):
         raise BadInput("its images differ in size; all must come from one camera at rest", source)
-    indices = range(min(max_images, len(picked)))
-    return [picked[round(index * (len(picked) - 1) / max(len(indices) - 1, 1))] for index in indices]
+    return spread.picked
 
 
 def all_images(uri: str, turn: Turn = UPRIGHT) -> Generator[Image, None, None]:
