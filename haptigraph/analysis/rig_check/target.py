@@ -12,7 +12,7 @@ from msgspec import Struct
 from scipy.ndimage import median_filter
 
 from haptigraph.analysis.rig_check.subject import Subject
-from haptigraph.analysis.rig_check.view import View, angle_from_top_deg
+from haptigraph.analysis.rig_check.view import View, angle_from_top_deg, wrapped_deg
 from haptigraph.findings import Finding
 from haptigraph.imaging import Floats
 from haptigraph.registration.assumed import TARGET
@@ -84,11 +84,7 @@ def _not_judged(view: View, mark: Mark | None, rig: Rig | None) -> str:
 def registered_deg(view: View) -> float:
     """Return the registered target's angle, from the bottom of the picture, positive to its right."""
     at_px = view.registration.image.to_px(view.registration.target.at_mm)
-    return _from_bottom(angle_from_top_deg(at_px, view.center_px))
-
-
-def _from_bottom(from_top_deg: float) -> float:
-    return (180 - from_top_deg + 180) % 360 - 180
+    return wrapped_deg(180 - angle_from_top_deg(at_px, view.center_px))
 
 
 def found_mark(view: View) -> Mark | None:

@@ -2,6 +2,7 @@
 
 import math
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from msgspec import Struct
@@ -19,7 +20,9 @@ from haptigraph.perception.anatomy.rim import Rim, visible_rim
 from haptigraph.perception.anatomy.upright import moving_outside
 from haptigraph.registration.camera import Registration
 
-__all__ = ["View", "angle_from_top_deg", "rim_of", "view_of"]
+__all__ = ["View", "angle_from_top_deg", "view_of", "wrapped_deg"]
+
+Angle = TypeVar("Angle", float, Floats)
 
 
 class View(Struct, frozen=True, dict=True, eq=False):
@@ -90,7 +93,7 @@ class View(Struct, frozen=True, dict=True, eq=False):
     def reference_rim(self) -> Rim | None:
         """The rim in the registration's reference image without instrument; None if there is none."""
         background = self.registration.background
-        return rim_of(background.image)[0] if background else None
+        return _rim_of(background.image)[0] if background else None
 
     def samples_at_deg(self, angles_deg: Floats, radii_px: Floats) -> Floats:
         """Sample the median image at angles from the top and radii about the rim found, (n, m, 3)."""
@@ -107,11 +110,11 @@ def view_of(clip: Clip, registration: Registration) -> View:
     homography = registration.image.frontal_from_image
     spread = tuple(tilt_corrected(each, homography) for each in clip.spread) if homography else clip.spread
     image = colored(median_image(spread))
-    rim, problem = rim_of(image)
+    rim, problem = _rim_of(image)
     return View(registration.frontal, clip, spread, image, rim, problem)
 
 
-def rim_of(image: Image) -> tuple[Rim | None, str]:
+def _rim_of(image: Image) -> tuple[Rim | None, str]:
     """Return the rim that is visible in an image, or why there is none."""
     try:
         return visible_rim(image), ""
@@ -122,6 +125,11 @@ def rim_of(image: Image) -> tuple[Rim | None, str]:
 def angle_from_top_deg(point_px: Vec, center_px: Vec) -> float:
     """Return the direction of a point from a centre, from the top, positive to the image's right."""
     return math.degrees(math.atan2(point_px[0] - center_px[0], center_px[1] - point_px[1]))
+
+
+def wrapped_deg(angle_deg: Angle) -> Angle:
+    """Return an angle, or an array of them, from -180 to 180 degrees."""
+    return (angle_deg + 180) % 360 - 180
 
 
 def _rotated(edge: Edge, image: Image) -> Edge:
