@@ -158,17 +158,11 @@ def scored(capture: Capture, observation: Observation, stated: bool, outside: bo
         stated,
         outside,
         length_mm,
-        lean_of(found) - lean_of(true),
+        found.out_of_plane_deg - true.out_of_plane_deg,
         angle_sd_deg,
         found.end_z_mm - true.end_z_mm,
         sd_mm,
     )
-
-
-def lean_of(shaft: Segment) -> float:
-    """Return the angle of a shaft to the section [deg]."""
-    right, up, towards = shaft.along_mm
-    return math.degrees(math.atan2(towards, math.hypot(right, up)))
 
 
 if __name__ == "__main__":

@@ -35,6 +35,7 @@ __all__ = [
     "SOURCES",
     "build",
     "build_pipeline",
+    "is_live",
     "is_realtime",
     "load_procedure",
     "open_device",
@@ -93,7 +94,7 @@ def build(
     config = config.with_perceiver(perceiver_name(config, procedure))  # so that a recording names it
     load_registration = _load("haptigraph.registration.loading:load_registration")
     given = load_registration(config.source.registration) if config.source.registration else None
-    if config.source.depth is None and getattr(given, "depth", None) is not None:
+    if config.source.depth is None and given is not None and given.depth is not None:
         config = config.with_depth()
     with ExitStack() as undo:
         source = open_source(config, clock, (given.width_px, given.height_px) if given else None)
@@ -166,7 +167,7 @@ def is_realtime(config: Config) -> bool:
         BadInput: If a camera, an actuator, a leader or a bridge is to run at any other pace.
     """
     kind, device, run = split_source(config.source.uri, SOURCES)[0], config.haptics.device, config.run
-    bound = [device] * is_felt(device) + [config.source.uri] * _is_live(kind)
+    bound = [device] * is_felt(device) + [config.source.uri] * is_live(kind)
     bound += [f"--force {config.haptics.force}"] * bool(config.haptics.force)
     bound += [f"--leader {run.leader}"] * bool(run.leader) + [f"--bridge {name}" for name in run.bridges]
     realtime = bool(bound) or kind in GENERATED if run.realtime is None else run.realtime
@@ -240,17 +241,17 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
         "teleop": {"clock": clock, "target_mm": settings.target_mm},
     }
     is_own = kind not in SOURCES
-    given = {"clock": clock} if is_own and _is_live(kind) else options.get(kind, {})
+    given = {"clock": clock} if is_own and is_live(kind) else options.get(kind, {})
     source: Source = _named(SOURCES, "source", kind)(argument, **given)
     check_members(source, Source, f"source {kind}" if is_own else f"source {kind} ({SOURCES[kind]})")
-    if is_own and source.is_live != _is_live(kind):
+    if is_own and source.is_live != is_live(kind):
         raise BadInput(f"source {kind}: is_live is {source.is_live}; set it on the class, not on the object")
     if settings.crop_px and kind != "oct":  # which crops by itself
         source = _load("haptigraph.sources.oct.crop:CropSource")(source, settings.crop_px, settings.uri)
     if settings.turn != UPRIGHT:
         source = _load("haptigraph.sources.turned:turned")(source, kind, settings)
     waits, read_ahead = isinstance(clock, VirtualClock), _load("haptigraph.sources.reading:ReadAhead")
-    if (kind in GENERATED or _is_live(kind)) and settings.jpeg_quality:
+    if (kind in GENERATED or is_live(kind)) and settings.jpeg_quality:
         if kind in PREFETCHABLE:  # so that one image is made while the previous one is compressed
             source = read_ahead(source, waits=waits)
         source = _load("haptigraph.sources.jpeg:JpegSource")(source, settings.jpeg_quality)
@@ -293,7 +294,7 @@ def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Pro
     if (tilt := registration.image.frontal_from_image) is not None:
         tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")
         perceive = tilt_corrected(perceive, registration, tilt)
-    if (plane := getattr(registration, "depth", None)) is not None:
+    if (plane := registration.depth) is not None:
         in_space = _load("haptigraph.perception.depth.perceiver:DepthPerceiver")
         perceive = in_space(perceive, registration, plane, config.perception.needle_mm)
     if ROBOT_TIP in [entity.name for entity in procedure.schema.entities]:
@@ -315,9 +316,9 @@ def perceiver_class(name: str) -> PerceiverClass:
     return perceiver
 
 
-def _is_live(kind: str) -> bool:
+def is_live(kind: str) -> bool:
     """Return whether sources of a kind set the pace: cameras, and those of the user's own that say so."""
-    if kind in CAMERAS or kind in SOURCES:
+    if kind in SOURCES:
         return kind in CAMERAS
     return bool(getattr(_named(SOURCES, "source", kind), "is_live", False))
 

@@ -64,6 +64,12 @@ class Segment(Struct, frozen=True, tag="segment", omit_defaults=True):
         right, up = subtract(self.end_mm, self.start_mm)
         return right, up, self.end_z_mm - self.start_z_mm
 
+    @property
+    def out_of_plane_deg(self) -> float:
+        """Its angle to the section z = 0, positive if it leads towards the camera."""
+        right, up, towards = self.along_mm
+        return math.degrees(math.atan2(towards, math.hypot(right, up)))
+
 
 class Circle(Struct, frozen=True, tag="circle"):
     """A full circle."""

@@ -71,7 +71,7 @@ def run_notes(
 def _depth_notes(source: Source, procedure: "Procedure", registration: "BaseRegistration") -> list[str]:
     """Return why the needle out of the section is not known, where a procedure or a source has depth."""
     needs = any(entity.name == NEEDLE_3D for entity in procedure.schema.entities)
-    has_plane = getattr(registration, "depth", None) is not None
+    has_plane = registration.depth is not None
     if source.depth_camera is None and (needs or has_plane):
         why = "the source delivers no depth"
     elif source.depth_camera is not None and not has_plane:

@@ -46,10 +46,7 @@ def decode(data: bytes) -> Image:
     Raises:
         ValueError: If the bytes are not an 8-bit image.
     """
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYCOLOR)
-    except cv2.error:
-        image = None
+    image = _decoded(data, cv2.IMREAD_ANYCOLOR)
     if image is None or image.dtype != np.uint8:
         raise ValueError(f"{len(data)} bytes that are not an 8-bit image")
     return np.asarray(image, np.uint8)
@@ -66,10 +63,7 @@ def decode_depth(data: bytes) -> NDArray[np.uint16]:
     Raises:
         ValueError: If the bytes are not an image of 16 bits.
     """
-    try:
-        values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        values = None
+    values = _decoded(data, cv2.IMREAD_UNCHANGED)
     if values is None or values.dtype != np.uint16 or values.ndim != 2:
         raise ValueError(f"{len(data)} bytes that are not depths of 16 bits")
     return np.asarray(values, np.uint16)
@@ -78,6 +72,14 @@ def decode_depth(data: bytes) -> NDArray[np.uint16]:
 def format_of(data: bytes) -> str:
     """Return "jpeg" or "png"."""
     return "jpeg" if data.startswith(b"\xff\xd8") else "png"
+
+
+def _decoded(data: bytes, how: int) -> "cv2.typing.MatLike | None":
+    """Return the pixels of an image as OpenCV reads them; None if it is none."""
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), how)
+    except cv2.error:
+        return None
 
 
 def _encode(suffix: str, image: Image | NDArray[np.uint16], parameters: Sequence[int]) -> bytes:

@@ -113,8 +113,6 @@ class Registration(BaseRegistration, frozen=True):
     """Those that another instrument may go through."""
     background: BackgroundImage | None = None
     """Reference image without instrument, if the file has one."""
-    depth: DepthPlane | None = None
-    """The section in the depth camera's images, if the file says where it is."""
 
     @property
     def anatomy(self) -> dict[str, Geometry]:

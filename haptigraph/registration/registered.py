@@ -15,6 +15,7 @@ from haptigraph.geometry import Geometry, norm
 from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.messages import Image
 from haptigraph.projection import ImageGeometry
+from haptigraph.registration.depth import DepthPlane
 
 __all__ = ["VIEW_MARGIN", "BaseRegistration"]
 
@@ -36,6 +37,8 @@ class BaseRegistration(Struct, frozen=True, kw_only=True):
     """How the source's images were turned."""
     assumed: tuple[str, ...] = ()
     """What was neither measured nor stated, by name (`registration.assumed`)."""
+    depth: DepthPlane | None = None
+    """The section in the depth camera's images, if the file says where it is."""
 
     @property
     def sha256(self) -> str:

@@ -16,8 +16,7 @@ def out_of_plane_mm(subject: Geometry, object: Geometry, found: Mapping[str, Geo
 def out_of_plane_deg(subject: Geometry, object: Geometry, found: Mapping[str, Geometry]) -> float | None:
     """Angle between a shaft and the section of the globe, towards either side."""
     if isinstance(subject, Segment) and isinstance(object, Circle):
-        right, up, towards = subject.along_mm
-        return degrees(atan2(abs(towards), hypot(right, up)))
+        return abs(subject.out_of_plane_deg)
     return None
 
 

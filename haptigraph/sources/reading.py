@@ -1,16 +1,19 @@
-"""Read sources faster than the loop: ahead of it in a second thread, or to the end without a loop."""
+"""Read sources faster than the loop: ahead of it in a second thread, or to the end without a loop.
+
+Picks images that are evenly spread over a source of unknown length.
+"""
 
 import threading
 from collections.abc import Generator
 from queue import Empty, SimpleQueue
 
 from haptigraph.errors import EndOfSource
-from haptigraph.messages import Capture
+from haptigraph.messages import Capture, Image
 from haptigraph.semaphore import InterruptSafeSemaphore
 from haptigraph.sources.wrapper import SourceWrapper
 from haptigraph.stages import Source
 
-__all__ = ["ReadAhead", "read_images"]
+__all__ = ["ReadAhead", "SpreadImages", "read_images"]
 
 DEPTH = 4
 POLL_S = 0.1
@@ -81,3 +84,32 @@ def read_images(source: Source) -> Generator[Capture, None, None]:
         return
     finally:
         source.close()
+
+
+class SpreadImages:
+    """Images evenly spread over a source of unknown length; `add` them all in order.
+
+    Args:
+        max_images: How many to pick at most.
+    """
+
+    def __init__(self, max_images: int) -> None:
+        self._max_images = max_images
+        self._count, self._step = 0, 1
+        self.held: list[Image] = []
+        """Those from which it picks, fewer than twice as many."""
+
+    def add(self, image: Image) -> None:
+        """Process the next image."""
+        if self._count % self._step == 0:
+            self.held.append(image)
+        if len(self.held) == 2 * self._max_images:
+            self.held, self._step = self.held[::2], 2 * self._step
+        self._count += 1
+
+    @property
+    def picked(self) -> list[Image]:
+        """The images, in order."""
+        count = min(self._max_images, len(self.held))
+        last = len(self.held) - 1
+        return [self.held[round(number * last / max(count - 1, 1))] for number in range(count)]

@@ -11,7 +11,7 @@ from haptigraph.analysis.calibrating.board import Board, View
 from haptigraph.analysis.calibrating.calibration import MIN_COVERAGE, Calibration, calibrate, coverage
 from haptigraph.analysis.calibrating.factory import factory_lens
 from haptigraph.analysis.registering.registering import all_images, check_files
-from haptigraph.assemble import SOURCES, open_source
+from haptigraph.assemble import SOURCES, is_live, open_source
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config, SourceConfig, load_config
 from haptigraph.errors import BadInput
@@ -21,7 +21,7 @@ from haptigraph.lens import Lens
 from haptigraph.messages import Image
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.lens_file import LensFile, LensImage, Parameters, Quality, lens_file_text
-from haptigraph.sources.naming import CAMERAS, split_source
+from haptigraph.sources.naming import split_source
 from haptigraph.sources.reading import read_images
 
 __all__ = ["calibrate_camera", "distortion_text", "find_views", "read_factory_lens"]
@@ -166,7 +166,7 @@ def _check(source: str, output: Path, settings: tuple[str, ...], *, force: bool)
 
 
 def _images(config: Config, duration_s: float) -> Generator[Image, None, None]:
-    if split_source(config.source.uri, SOURCES)[0] not in CAMERAS:
+    if not is_live(split_source(config.source.uri, SOURCES)[0]):
         yield from all_images(config.source.uri)
         return
     first_ns = None

@@ -1,7 +1,5 @@
 """How far the needle was out of the section, where depth shows it."""
 
-from math import atan2, degrees, hypot
-
 from msgspec import Struct
 
 from haptigraph.geometry import Segment
@@ -22,8 +20,7 @@ def out_of_section(observation: Observation) -> tuple[float, float, float, float
         return None
     if (angle_sd_deg := certainty.out_of_plane_sd_deg) is None:
         return None
-    right, up, towards = shaft.along_mm
-    return shaft.end_z_mm, degrees(atan2(towards, hypot(right, up))), sd_mm, angle_sd_deg
+    return shaft.end_z_mm, shaft.out_of_plane_deg, sd_mm, angle_sd_deg
 
 
 def in_space_text(observation: Observation) -> str:

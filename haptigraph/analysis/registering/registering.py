@@ -20,7 +20,7 @@ from haptigraph.analysis.registering.overrides import (
 )
 from haptigraph.analysis.registering.picture import registration_picture
 from haptigraph.analysis.registering.report import WALL_MM, in_px_and_mm, report_lines, wall_mm
-from haptigraph.assemble import SOURCES, open_source
+from haptigraph.assemble import SOURCES, is_live, open_source
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config, SourceConfig
 from haptigraph.errors import BadInput
@@ -38,8 +38,8 @@ from haptigraph.recording.writer import Progress
 from haptigraph.registration.lens_file import load_lens
 from haptigraph.registration.loading import parse_camera_registration, parse_registration
 from haptigraph.registration.text import registration_text
-from haptigraph.sources.naming import CAMERAS, split_source
-from haptigraph.sources.reading import read_images
+from haptigraph.sources.naming import split_source
+from haptigraph.sources.reading import SpreadImages, read_images
 from haptigraph.stages import Source
 
 __all__ = [
@@ -175,21 +175,16 @@ def spread_images(
     Raises:
         BadInput: If there are none, or they differ in size.
     """
-    picked: list[Image] = []
-    step = 1
+    spread = SpreadImages(max_images)
     for count, image in enumerate(images):
-        if count % step == 0:
-            picked.append(image)
-        if len(picked) == 2 * max_images:
-            picked, step = picked[::2], 2 * step
+        spread.add(image)
         if progress and count % 25 == 0:
             progress("reading", count, count + 25)
-    if not picked:
+    if not spread.held:
         raise BadInput("has no images", source)
-    if any(image.shape != picked[0].shape for image in picked):
+    if any(image.shape != spread.held[0].shape for image in spread.held):
         raise BadInput("its images differ in size; all must come from one camera at rest", source)
-    indices = range(min(max_images, len(picked)))
-    return [picked[round(index * (len(picked) - 1) / max(len(indices) - 1, 1))] for index in indices]
+    return spread.picked
 
 
 def all_images(uri: str, turn: Turn = UPRIGHT) -> Generator[Image, None, None]:
@@ -205,7 +200,7 @@ def all_images(uri: str, turn: Turn = UPRIGHT) -> Generator[Image, None, None]:
         except ValueError:
             raise BadInput("not an image that OpenCV can read", uri) from None
         return
-    if split_source(uri, SOURCES)[0] in CAMERAS:
+    if is_live(split_source(uri, SOURCES)[0]):
         raise BadInput(f"{uri} cannot be registered directly; record a short clip with it and register that")
     config = Config(SourceConfig(uri=uri, rotate_deg=turn.rotate_deg, mirror=turn.mirror))
     yield from images_of(open_source(config, VirtualClock()))

@@ -7,7 +7,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from haptigraph.assemble import SOURCES, open_source
+from haptigraph.assemble import SOURCES, is_live, open_source
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, EndOfSource, SourceLost
@@ -16,7 +16,8 @@ from haptigraph.messages import Capture, Image
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.camera import Registration
 from haptigraph.run_registration import registration_of
-from haptigraph.sources.naming import CAMERAS, split_source
+from haptigraph.sources.naming import split_source
+from haptigraph.sources.reading import SpreadImages
 from haptigraph.stages import Source
 
 __all__ = ["Clip", "clip_of", "watch"]
@@ -63,7 +64,7 @@ def watch(
         BadInput: If the source cannot be read, or the registration is not for its images.
     """
     kind = split_source(config.source.uri, SOURCES)[0]
-    clock: Clock = MonotonicClock() if kind in CAMERAS else VirtualClock()
+    clock: Clock = MonotonicClock() if is_live(kind) else VirtualClock()
     size_px = (given.width_px, given.height_px) if given else None
     losses: list[str] = []
     with closing(open_source(config, clock, size_px)) as source:
@@ -90,25 +91,21 @@ def clip_of(
     Raises:
         BadInput: If there are fewer than two, or their size is not the registered one.
     """
-    spread: list[Image] = []
+    spread = SpreadImages(SPREAD_IMAGES)
     consecutive: list[Image] = []
     stamps_ns: list[int] = []
     indices: list[int] = []
-    step = 1
     for count, capture in enumerate(captures):
         image = registration.checked(capture.image)
         stamps_ns.append(capture.stamp_ns)
         indices.append(capture.index)
         if count < CONSECUTIVE_IMAGES:
             consecutive.append(grey_of(image))
-        if count % step == 0:
-            spread.append(image)
-        if len(spread) == 2 * SPREAD_IMAGES:
-            spread, step = spread[::2], 2 * step
+        spread.add(image)
     if len(stamps_ns) < 2:
         raise BadInput(f"{len(stamps_ns)} images arrived; at least 2 are needed")
     return Clip(
-        _evenly(spread),
+        tuple(spread.picked),
         tuple(consecutive),
         np.array(stamps_ns, np.int64),
         np.array(indices, np.int64),
@@ -116,11 +113,6 @@ def clip_of(
         is_timed,
         tuple(losses),
     )
-
-
-def _evenly(images: list[Image]) -> tuple[Image, ...]:
-    count = min(SPREAD_IMAGES, len(images))
-    return tuple(images[round(number * (len(images) - 1) / max(count - 1, 1))] for number in range(count))
 
 
 def _captures(

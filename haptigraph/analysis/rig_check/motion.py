@@ -10,14 +10,15 @@ import cv2
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.analysis.rig_check.view import View, polar_samples
+from haptigraph.analysis.rig_check.view import View, wrapped_deg
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, grey_of
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.edge import Edge
+from haptigraph.perception.anatomy.port_opening import polar_samples
 from haptigraph.perception.anatomy.rim import Rim
 
-__all__ = ["PORT_MATCH_DEG", "Motion", "by_reference", "by_rim", "turned_ports_deg"]
+__all__ = ["Motion", "by_reference", "by_rim", "turned_ports_deg"]
 
 POINTS, QUALITY, SPACING_PX = 400, 0.01, 8
 MIN_POINTS = 25
@@ -164,13 +165,9 @@ def turned_ports_deg(view: View) -> list[float]:
     """Return how far the registered trocars' openings are turned, clockwise; empty if not all are visible."""
     turned = []
     for registered_deg in view.trocars_deg:
-        off = [_wrapped(found_deg - registered_deg) for found_deg in view.ports_deg]
+        off = [wrapped_deg(found_deg - registered_deg) for found_deg in view.ports_deg]
         nearest = min(off, key=abs, default=180.0)
         if abs(nearest) > PORT_MATCH_DEG:
             return []
         turned.append(nearest)
     return turned if len(turned) > 1 else []
-
-
-def _wrapped(angle_deg: float) -> float:
-    return (angle_deg + 180) % 360 - 180

@@ -11,7 +11,7 @@ import numpy as np
 
 from haptigraph.analysis.rig_check.subject import Subject
 from haptigraph.analysis.rig_check.target import found_mark, registered_deg
-from haptigraph.analysis.rig_check.view import View
+from haptigraph.analysis.rig_check.view import View, wrapped_deg
 from haptigraph.findings import Finding
 from haptigraph.imaging import FloatImage, Mask, colored
 from haptigraph.messages import Image
@@ -198,7 +198,6 @@ def _enters_opposite(view: View) -> bool:
     (x, y), used_deg = view.found_center_px, view.trocars_deg[0]
     angles_deg = np.degrees(np.arctan2(columns - x, y - rows))
     at, opposite = (
-        float(np.mean(np.abs((angles_deg - side * used_deg + 180) % 360 - 180) < SIDE_DEG))
-        for side in (1, -1)
+        float(np.mean(np.abs(wrapped_deg(angles_deg - side * used_deg)) < SIDE_DEG)) for side in (1, -1)
     )
     return at < MAX_SIDE_SHARE and opposite > MIN_SIDE_SHARE

@@ -76,18 +76,15 @@ def _distance_mm(view: View, rig: Rig) -> float:
 
 def moved(view: View) -> Subject:
     """Judge whether the eye has moved in the picture since it was registered."""
-    by_details, motion = by_reference(view), by_rim(view)
-    if motion is None:
+    best = by_reference(view) or by_rim(view)
+    if best is None:
         return Subject("position", not_judged="no rim of an eye was found")
     scale_range = REFERENCE_SCALE_RANGE if view.reference_rim else SCALE_RANGE
-    best = by_details or motion
     measured = {"shift_mm": best.shift_px / view.px_per_mm, "shift_sd_mm": best.shift_sd_px / view.px_per_mm}
     measured |= {"scale_share": best.scale}
     if best.turn_deg is not None:
         measured |= {"turn_deg": best.turn_deg, "turn_sd_deg": best.turn_sd_deg}
-    findings = tuple(
-        _moved_findings(view, best, REFERENCE_SCALE_RANGE if by_details is not None else scale_range)
-    )
+    findings = tuple(_moved_findings(view, best, scale_range))
     not_judged = ""
     if best.shift_sd_px > max(MAX_MOVED_MM * view.px_per_mm, MAX_MOVED_PX):
         not_judged = f"its shift, which is uncertain by {best.shift_sd_px / view.px_per_mm:.2f} mm"

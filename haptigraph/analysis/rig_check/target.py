@@ -12,7 +12,7 @@ from msgspec import Struct
 from scipy.ndimage import median_filter
 
 from haptigraph.analysis.rig_check.subject import Subject
-from haptigraph.analysis.rig_check.view import View, angle_from_top_deg
+from haptigraph.analysis.rig_check.view import View, angle_from_top_deg, wrapped_deg
 from haptigraph.findings import Finding
 from haptigraph.imaging import Floats
 from haptigraph.registration.assumed import TARGET
@@ -38,7 +38,6 @@ class Mark(Struct, frozen=True):
     angle_deg: float
     """From the bottom of the picture, positive to its right."""
     sd_deg: float
-    width_deg: float
 
 
 def target(view: View, rig: Rig | None) -> Subject:
@@ -85,11 +84,7 @@ def _not_judged(view: View, mark: Mark | None, rig: Rig | None) -> str:
 def registered_deg(view: View) -> float:
     """Return the registered target's angle, from the bottom of the picture, positive to its right."""
     at_px = view.registration.image.to_px(view.registration.target.at_mm)
-    return _from_bottom(angle_from_top_deg(at_px, view.center_px))
-
-
-def _from_bottom(from_top_deg: float) -> float:
-    return (180 - from_top_deg + 180) % 360 - 180
+    return wrapped_deg(180 - angle_from_top_deg(at_px, view.center_px))
 
 
 def found_mark(view: View) -> Mark | None:
@@ -129,7 +124,7 @@ def _mark(view: View, band_mm: tuple[float, float]) -> Mark | None:
     if contrast[elsewhere].max() > MAX_RIVAL * contrast[peak]:
         return None
     sd_deg = max(width_deg / 12, STEP_DEG)
-    return Mark(float(start_deg + stop_deg) / 2, sd_deg, width_deg)
+    return Mark(float(start_deg + stop_deg) / 2, sd_deg)
 
 
 def _contrast(tone: Floats) -> Floats:

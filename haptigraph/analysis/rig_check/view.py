@@ -2,8 +2,8 @@
 
 import math
 from functools import cached_property
+from typing import TypeVar
 
-import cv2
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
@@ -15,12 +15,14 @@ from haptigraph.imaging import Floats, Mask, colored, tilt_corrected
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.edge import Edge
 from haptigraph.perception.anatomy.moving_shaft import median_image
-from haptigraph.perception.anatomy.port_opening import find_port_openings
+from haptigraph.perception.anatomy.port_opening import find_port_openings, polar_samples
 from haptigraph.perception.anatomy.rim import Rim, visible_rim
 from haptigraph.perception.anatomy.upright import moving_outside
 from haptigraph.registration.camera import Registration
 
-__all__ = ["View", "angle_from_top_deg", "polar_samples", "rim_of", "view_of"]
+__all__ = ["View", "angle_from_top_deg", "view_of", "wrapped_deg"]
+
+Angle = TypeVar("Angle", float, Floats)
 
 
 class View(Struct, frozen=True, dict=True, eq=False):
@@ -91,7 +93,7 @@ class View(Struct, frozen=True, dict=True, eq=False):
     def reference_rim(self) -> Rim | None:
         """The rim in the registration's reference image without instrument; None if there is none."""
         background = self.registration.background
-        return rim_of(background.image)[0] if background else None
+        return _rim_of(background.image)[0] if background else None
 
     def samples_at_deg(self, angles_deg: Floats, radii_px: Floats) -> Floats:
         """Sample the median image at angles from the top and radii about the rim found, (n, m, 3)."""
@@ -108,11 +110,11 @@ def view_of(clip: Clip, registration: Registration) -> View:
     homography = registration.image.frontal_from_image
     spread = tuple(tilt_corrected(each, homography) for each in clip.spread) if homography else clip.spread
     image = colored(median_image(spread))
-    rim, problem = rim_of(image)
+    rim, problem = _rim_of(image)
     return View(registration.frontal, clip, spread, image, rim, problem)
 
 
-def rim_of(image: Image) -> tuple[Rim | None, str]:
+def _rim_of(image: Image) -> tuple[Rim | None, str]:
     """Return the rim that is visible in an image, or why there is none."""
     try:
         return visible_rim(image), ""
@@ -125,12 +127,9 @@ def angle_from_top_deg(point_px: Vec, center_px: Vec) -> float:
     return math.degrees(math.atan2(point_px[0] - center_px[0], center_px[1] - point_px[1]))
 
 
-def polar_samples(image: Image, center_px: Vec, angles_deg: Floats, radii_px: Floats) -> Floats:
-    """Sample an image at angles from the top (n,) and radii (m,), (n, m, 3) or (n, m) of a grey one."""
-    angles = np.radians(angles_deg)[:, None]
-    x = (center_px[0] + radii_px * np.sin(angles)).astype(np.float32)
-    y = (center_px[1] - radii_px * np.cos(angles)).astype(np.float32)
-    return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR), np.float64)
+def wrapped_deg(angle_deg: Angle) -> Angle:
+    """Return an angle, or an array of them, from -180 to 180 degrees."""
+    return (angle_deg + 180) % 360 - 180
 
 
 def _rotated(edge: Edge, image: Image) -> Edge:

@@ -9,13 +9,13 @@ from msgspec.structs import replace
 
 from haptigraph.analysis.registering.draft import open_images
 from haptigraph.analysis.registering.registering import all_images, recorded_turn, spread_images
-from haptigraph.assemble import SOURCES, open_source
+from haptigraph.assemble import SOURCES, is_live, open_source
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config, SourceConfig
 from haptigraph.dashboard.server.stream import send_message
 from haptigraph.errors import BadInput, SourceLost
 from haptigraph.messages import Image
-from haptigraph.sources.naming import CAMERAS, split_source
+from haptigraph.sources.naming import split_source
 
 __all__ = ["OBSERVE_S", "find_eye"]
 
@@ -56,7 +56,7 @@ def _images(
     kind = "" if images else split_source(source, SOURCES)[0]
     if images:
         yield from images
-    elif kind in CAMERAS:
+    elif is_live(kind):
         yield from _camera_images(replace(source_config, uri=source, loop=False))
     elif kind == "teleop":
         raise BadInput(f"{source} has no end; use phantom:SCENARIO")

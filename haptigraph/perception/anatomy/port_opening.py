@@ -10,11 +10,19 @@ import cv2
 import numpy as np
 from msgspec import Struct
 
+from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, Mask, colored
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.edge import Edge
 
-__all__ = ["MAX_OPENINGS", "MIN_SEPARATION_DEG", "WHITE_GREY", "PortOpening", "find_port_openings"]
+__all__ = [
+    "MAX_OPENINGS",
+    "MIN_SEPARATION_DEG",
+    "WHITE_GREY",
+    "PortOpening",
+    "find_port_openings",
+    "polar_samples",
+]
 
 HALF_DEG = 80.0  # from the top
 STEP_DEG = 0.25
@@ -63,7 +71,7 @@ def _angles_deg(color: Image, edge: Edge) -> list[float]:
     angles_deg = np.arange(-HALF_DEG - AROUND_DEG, HALF_DEG + AROUND_DEG + STEP_DEG, STEP_DEG)
     radii = edge.radii_px(math.pi - np.radians(angles_deg))[:, None]
     rings = (radii * np.linspace(*part, 9) for part in (BAND, BOWL))
-    band, bowl = (_polar_samples(color, edge, angles_deg, ring) for ring in rings)
+    band, bowl = (polar_samples(color, edge.center_px, angles_deg, ring) for ring in rings)
     half = round(AROUND_DEG / STEP_DEG)
     tone = band.mean(axis=1) - bowl.mean(axis=1)
     around = np.array([np.median(tone[max(i - half, 0) : i + half + 1], axis=0) for i in range(len(tone))])
@@ -88,7 +96,7 @@ def _inside_px(color: Image, edge: Edge, angle_deg: float) -> float | None:
     angles_deg = angle_deg + np.arange(-FLANK_DEG[1], FLANK_DEG[1] + STEP_DEG / 2, STEP_DEG)
     offsets = np.arange(PROFILE[0] * edge.radius_px, PROFILE[1] * edge.radius_px, PROFILE_STEP_PX)
     radii = edge.radii_px(math.pi - np.radians(angles_deg))[:, None] + offsets
-    samples = _polar_samples(color, edge, angles_deg, radii)
+    samples = polar_samples(color, edge.center_px, angles_deg, radii)
     distance_deg = np.abs(angles_deg - angle_deg)
     flanks = samples[distance_deg > FLANK_DEG[0]].mean(axis=0)
     change = samples[distance_deg < CENTER_DEG].mean(axis=0) - flanks
@@ -126,9 +134,19 @@ def _half_crossing(offsets: Floats, contrast: Floats, peak: int, is_low: Mask, s
     return float(offsets[before] + share * (offsets[at] - offsets[before]))
 
 
-def _polar_samples(color: Image, edge: Edge, angles_deg: Floats, radii_px: Floats) -> Floats:
-    """Sample the image at angles from the top and radii, (n, m, 3)."""
+def polar_samples(image: Image, center_px: Vec, angles_deg: Floats, radii_px: Floats) -> Floats:
+    """Sample an image about a centre.
+
+    Args:
+        image: (h, w, 3) or (h, w).
+        center_px: The centre.
+        angles_deg: From the top, positive to the image's right, (n,).
+        radii_px: (m,), or (n, m) if they differ from angle to angle.
+
+    Returns:
+        (n, m, 3), or (n, m) of a grey image.
+    """
     angles = np.radians(angles_deg)[:, None]
-    x = (edge.center_px[0] + radii_px * np.sin(angles)).astype(np.float32)
-    y = (edge.center_px[1] - radii_px * np.cos(angles)).astype(np.float32)
-    return np.asarray(cv2.remap(color, x, y, cv2.INTER_LINEAR), np.float64)
+    x = (center_px[0] + radii_px * np.sin(angles)).astype(np.float32)
+    y = (center_px[1] - radii_px * np.cos(angles)).astype(np.float32)
+    return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR), np.float64)

@@ -182,21 +182,21 @@ class DepthPerceiver:
 
         def numbers(answer: Floats) -> Floats:
             ends = self._ends_mm(replace(fit, answer=answer), strip)
-            return np.array([ends[0, 2], ends[1, 2], _angle_deg(ends)])
+            return np.array([ends[0, 2], ends[1, 2], _shaft(ends).out_of_plane_deg])
 
         ends, sds = self._ends_mm(fit, strip), np.sqrt(np.diag(fit.covariance))
+        shaft = _shaft(ends)
         changes = np.column_stack([numbers(fit.answer + STEP * each) for each in np.diag(sds)])
         jacobian = (changes - numbers(fit.answer)[:, None]) / (STEP * sds)
         of_entry, of_tip, of_angle = np.sqrt(np.diag(jacobian @ fit.covariance @ jacobian.T)).tolist()
         entry_sd_mm = math.hypot(of_entry, self._plane_sd_mm(ends[0]), RCM_SD_MM)
-        if abs(ends[0, 2]) > RCM_SDS * entry_sd_mm or abs(_angle_deg(ends)) > MAX_OUT_OF_PLANE_DEG:
+        if abs(ends[0, 2]) > RCM_SDS * entry_sd_mm or abs(shaft.out_of_plane_deg) > MAX_OUT_OF_PLANE_DEG:
             return None
-        (x0, y0, z0), (x1, y1, z1) = ends.tolist()
         tip_sd_mm = math.hypot(of_tip, self._plane_sd_mm(ends[1]))
         angle_sd_deg = math.hypot(of_angle, self._plane.tilt_sd_deg)
         if angle_sd_deg > MAX_SD_DEG:
             return None
-        return _InSpace(Segment((x0, y0), (x1, y1), z0, z1), tip_sd_mm, angle_sd_deg)
+        return _InSpace(shaft, tip_sd_mm, angle_sd_deg)
 
     def _ends_mm(self, fit: Fit, strip: _Strip) -> Floats:
         """Return the shaft at the trocar and at the tip, (2, 3), eye frame."""
@@ -211,7 +211,7 @@ class DepthPerceiver:
         return math.hypot(plane.section_sd_mm, math.hypot(*at_mm[:2]) * math.radians(plane.tilt_sd_deg))
 
 
-def _angle_deg(ends_mm: Floats) -> float:
-    """Return the angle of a shaft to the section, positive if it leads towards the camera."""
-    right, up, towards = ends_mm[1] - ends_mm[0]
-    return math.degrees(math.atan2(towards, math.hypot(right, up)))
+def _shaft(ends_mm: Floats) -> Segment:
+    """Return the shaft between two points, (2, 3)."""
+    (x0, y0, z0), (x1, y1, z1) = ends_mm.tolist()
+    return Segment((x0, y0), (x1, y1), z0, z1)

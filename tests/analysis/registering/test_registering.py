@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from helpers import draw_rod
 from registration import errors_px, invalid_pictures, random_view
 
-from haptigraph.analysis.registering.registering import plausible_anatomy
+from haptigraph.analysis.registering.registering import all_images, plausible_anatomy
 from haptigraph.cli import main
 from haptigraph.errors import BadInput
 from haptigraph.registration.loading import load_registration, parse_registration
@@ -266,3 +266,9 @@ def test_labelled_clips_are_registered(clip, tmp_path):
     ]
     assert max(off_px) < 2.0
     assert math.dist(found.image.to_px(found.trocar.at_mm), truth.image.to_px(truth.trocar.at_mm)) < 1.5
+
+
+@pytest.mark.parametrize("uri", ["camera:0", "own_parts:LiveSource"])
+def test_what_sets_the_pace_is_recorded_before_it_is_registered(uri):
+    with pytest.raises(BadInput, match=f"{uri} cannot be registered directly"):
+        next(all_images(uri))

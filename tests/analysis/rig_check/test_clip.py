@@ -41,19 +41,20 @@ def setup():
     return simulated_setup(1, 9104, has_mark=False, has_reference=False)
 
 
-def watched(monkeypatch, setup, image=None, lost_at=None):
+def watched(monkeypatch, setup, image=None, lost_at=None, uri="camera:0"):
     clock = VirtualClock()
     camera = FakeCamera(clock, setup.images[0] if image is None else image, lost_at)
     monkeypatch.setattr(module, "MonotonicClock", lambda: clock)
     monkeypatch.setattr(module, "open_source", lambda *_: camera)
     try:
-        return watch(Config(SourceConfig(uri="camera:0")), setup.registration, 2.0)[0]
+        return watch(Config(SourceConfig(uri=uri)), setup.registration, 2.0)[0]
     finally:
         assert camera.is_closed
 
 
-def test_a_camera_warms_up_before_it_is_watched(monkeypatch, setup):
-    clip = watched(monkeypatch, setup)
+@pytest.mark.parametrize("uri", ["camera:0", "own_parts:LiveSource"])
+def test_a_camera_warms_up_before_it_is_watched(monkeypatch, setup, uri):
+    clip = watched(monkeypatch, setup, uri=uri)
     assert clip.indices[0] == 30
     assert clip.stamps_ns[-1] - clip.stamps_ns[0] == pytest.approx(2e9, abs=INTERVAL_NS)
     assert len(clip.spread) == SPREAD_IMAGES
