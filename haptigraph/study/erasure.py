@@ -38,8 +38,8 @@ PARTICIPANT_TABLES = [
     if "participant" in table.c and table is not PARTICIPANTS
 ]
 """In an order that respects foreign keys."""
-AGGREGATE_FILES = ("participants.csv", "report.html")
-"""Files that mark an export and a report."""
+AGGREGATE_FILES = ("participants.csv", "report.html", "runs.parquet")
+"""Files that mark an export, a report or a batch, and an archive of recordings."""
 
 
 class ParticipantData(Struct, frozen=True):

@@ -152,6 +152,8 @@ def test_the_data_found_are_all_files_recordings_elsewhere_and_aggregates(study,
     (folder / "report" / "tables").mkdir(parents=True)
     (folder / "report" / "report.html").touch()
     (folder / "report" / "tables" / "participants.csv").touch()
+    (folder / "recordings" / "archive").mkdir()
+    (folder / "recordings" / "archive" / "runs.parquet").touch()
     found = find_data(study, "P02")
     assert found.rows == {"answers": 1, "events": 60, "sessions": 2, "stages": 3, "trials": 2}
     assert found.files == [
@@ -159,7 +161,7 @@ def test_the_data_found_are_all_files_recordings_elsewhere_and_aggregates(study,
         for name in ("a.unused1.mcap", "deep/b.mcap.part", "training-0-0-1-attempt2.mcap")
     ]
     assert found.elsewhere == ["recordings/P02/training-0-0-1-attempt1.mcap (station lab 2)"]
-    assert found.aggregates == ["report", "report/tables"]
+    assert found.aggregates == ["recordings/archive", "report", "report/tables"]
     assert (found.slot, found.erased_utc) == (1, "")
 
 
