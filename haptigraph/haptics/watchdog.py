@@ -9,30 +9,27 @@ The run, in turn, watches this process: if it ends or acknowledges nothing, it i
 which waits in reserve, opens the device: opening it silences it.
 """
 
-import math
 import queue
 import subprocess
 import sys
 import threading
 import time
 import warnings
-from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
 from typing import IO
 
 import msgspec
-from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.child_process import obey_sigterm_only, pipe_of, program_of, start_child
+from haptigraph.child_process import obey_sigterm_only, pipe_of, program_of
 from haptigraph.errors import BadInput, DeviceError, HaptigraphError
 from haptigraph.haptics.descriptors import DescriptorReserve
+from haptigraph.haptics.watchdog_process import GO, Command, Reply, WatchdogProcess
 from haptigraph.importing import load
-from haptigraph.messages import Capabilities
 from haptigraph.stages import Device, check_members
 
-__all__ = ["Command", "Reply", "WatchdogServer", "WatchedDevice", "main"]
+__all__ = ["WatchdogServer", "WatchedDevice", "main"]
 
 HOLDS_MS = 150.0
 REPLY_S = 0.25
@@ -40,63 +37,7 @@ MAX_UNANSWERED = 3  # commands without acknowledgement before the process is rep
 ACKNOWLEDGE_S = 0.15
 START_S = 20.0  # imports, and a board that restarts
 CLOSE_S = 2.0
-GO = b"go\n"
 RESERVED = 16  # descriptors of the pipes to a new process, and of its start
-
-
-class Command(Struct, array_like=True):
-    """One setting of the device."""
-
-    number: int
-    amplitude: float
-    frequency_hz: float
-    stamp_ns: int
-
-
-class Reply(Struct, array_like=True):
-    """The result of a command; number 0 reports that the device is open."""
-
-    number: int
-    error: str = ""
-    capabilities: Capabilities | None = None
-    is_executed: bool = True
-    """False: the process has received the command, and executes it next."""
-
-
-class _Child:
-    """Start a watchdog process; it opens the device on command.
-
-    Raises:
-        OSError: If it cannot be started.
-    """
-
-    def __init__(self, arguments: Sequence[str]) -> None:
-        self.process = start_child(arguments)
-        self.replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
-        self.is_open = False
-        """Whether it has reported that the device is open."""
-        self.called_s = math.inf
-        """When it was called on to open the device."""
-        pipe = pipe_of(self.process.stdout)
-        threading.Thread(
-            target=_read_replies, args=(pipe, self.replies), name="haptigraph-watchdog", daemon=True
-        ).start()
-
-    def go(self) -> None:
-        """Let it open the device."""
-        self.called_s = time.monotonic()
-        self.write(GO)
-
-    def write(self, line: bytes) -> None:
-        """Send a line; lost if the process has ended."""
-        with suppress(BrokenPipeError):
-            pipe_of(self.process.stdin).write(line)
-
-    def kill(self) -> None:
-        """End it at once."""
-        self.process.kill()
-        self.process.wait()
-        pipe_of(self.process.stdin).close()
 
 
 class WatchedDevice:
@@ -116,7 +57,7 @@ class WatchedDevice:
         self._descriptors = DescriptorReserve(RESERVED)
         self._number = 0
         self._closed = False
-        self._reserve: _Child | None = None
+        self._reserve: WatchdogProcess | None = None
         self._active = self._started()
         self._active.go()
         self._refill()
@@ -175,16 +116,16 @@ class WatchedDevice:
         except subprocess.TimeoutExpired:
             return False
 
-    def _started(self) -> _Child:
+    def _started(self) -> WatchdogProcess:
         with self._descriptors.released():
-            return _Child(self._arguments)
+            return WatchdogProcess(self._arguments)
 
     def _refill(self) -> None:
         """Start a process in reserve, if one can be started."""
         with suppress(OSError):
             self._reserve = self._started()
 
-    def _spare(self) -> _Child:
+    def _spare(self) -> WatchdogProcess:
         """Return the process in reserve, or a new one if there is none that lives."""
         if self._reserve is None:
             return self._started()
@@ -290,13 +231,6 @@ class WatchdogServer:
                 self._commands.put((time.monotonic(), command))
                 _send(replies, Reply(command.number, is_executed=False))
         self._commands.put((time.monotonic(), None))
-
-
-def _read_replies(pipe: IO[bytes], replies: "queue.SimpleQueue[Reply]") -> None:
-    decode = msgspec.json.Decoder(Reply).decode
-    while line := pipe.readline():
-        replies.put(decode(line))
-    pipe.close()
 
 
 def _send(replies: IO[bytes], reply: Reply) -> None:

@@ -11,7 +11,8 @@ import pytest
 from firmata_board import Board
 
 from haptigraph.errors import BadInput, DeviceError
-from haptigraph.haptics.watchdog import HOLDS_MS, Reply, WatchedDevice
+from haptigraph.haptics.watchdog import HOLDS_MS, WatchedDevice
+from haptigraph.haptics.watchdog_process import Reply
 
 pytest.importorskip("serial")
 FIRMATA = "haptigraph.haptics.boards.pwm:PwmDevice"
