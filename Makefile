@@ -164,13 +164,13 @@ bench-archive: setup  ## 2,000 recordings: index, queries, batches in processes 
 bench-sweep: setup  ## 1,000 simulated participants on a local Dask cluster, two workers against one
 	$(BIN)/python benchmarks/sweep.py
 
-interval-coverage: setup  ## coverage of a study report's intervals by simulation; updates docs/study_report.md; some minutes
+interval-coverage: setup  ## coverage of a study report's intervals by simulation; updates docs/explanation/study_report.md; some minutes
 	$(BIN)/python benchmarks/interval_coverage.py
 
 compare-r: setup  ## rank tests, estimates and hit rates on random data sets against R; needs Rscript with coin and exactRankTests
 	$(BIN)/python benchmarks/r_comparison.py
 
-compare-touch: setup  ## simulated operators without and with vibration and force; updates docs/simulated_comparison.md; half an hour
+compare-touch: setup  ## simulated operators without and with vibration and force; updates docs/explanation/simulated_comparison.md; half an hour
 	$(BIN)/python benchmarks/touch_comparison.py
 	$(BIN)/python benchmarks/touch_comparison.py --forces
 	$(BIN)/python benchmarks/touch_comparison.py --vary --repetitions 1
@@ -184,7 +184,7 @@ bench-volumes: setup  ## errors in simulated OCT volumes, and the lead time of t
 	$(BIN)/python benchmarks/volume.py accuracy
 	$(BIN)/python benchmarks/volume_approaches.py --figure docs/images/volume_lead.png
 
-rehearse: setup  ## two complete studies with simulated participants; updates docs/images/study-*.png and docs/simulated_comparison.md
+rehearse: setup  ## two complete studies with simulated participants; updates docs/images/study-*.png and docs/explanation/simulated_comparison.md
 	$(BIN)/python docs/study_pictures.py
 
 screenshots: setup  ## screenshots of every page into docs/images; needs Chromium

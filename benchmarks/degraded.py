@@ -293,7 +293,7 @@ HEAD = "".join(f"{name:{'<' if width < 0 else '>'}{abs(width)}}" for name, width
 
 
 def scores(clip: str, variant: str, errors: Sequence[Errors]) -> dict[str, Any]:
-    """Return the scores of one row; docs/conventions.md defines them."""
+    """Return the scores of one row; docs/reference/conventions.md defines them."""
     deep = sum(len(each.expected) for each in errors)
     return {"clip": clip, "variant": variant, "images_2mm_inside": deep, **pooled(errors)}
 

@@ -199,11 +199,11 @@ def table(cells: list[Cell]) -> str:
 
 
 def main() -> None:
-    """Simulate all cells and renew the table in docs/study_report.md."""
+    """Simulate all cells and renew the table in docs/explanation/study_report.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=10_000)
     parser.add_argument("--sizes", type=int, nargs="+", default=SIZES)
-    parser.add_argument("--print-only", action="store_true", help="leave docs/study_report.md as it is")
+    parser.add_argument("--print-only", action="store_true", help="do not write into the docs")
     given = parser.parse_args()
     cells = [
         coverage(population, n, effect, given.repeats, paired=paired)
@@ -215,7 +215,7 @@ def main() -> None:
     text = table(cells)
     print(text)
     if not given.print_only:
-        page = Path(__file__).parents[1] / "docs/study_report.md"
+        page = Path(__file__).parents[1] / "docs/explanation/study_report.md"
         renew(page, {"coverage": text}, "make interval-coverage")
 
 

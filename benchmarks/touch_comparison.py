@@ -1,8 +1,8 @@
 """Simulated operators with no, binary and continuous touch, or with forces: trials (CSV), tables, a figure.
 
-`python benchmarks/touch_comparison.py` updates docs/simulated_comparison.md and its figure; --output FOLDER
-writes to a folder instead. Every seed draws other operators, targets and noise. Takes a minute per seed on
-one core, with forces four; far longer on rendered images (--perceiver tracker).
+`python benchmarks/touch_comparison.py` updates docs/explanation/simulated_comparison.md and its figure;
+--output FOLDER writes to a folder instead. Every seed draws other operators, targets and noise. Takes a
+minute per seed on one core, with forces four; far longer on rendered images (--perceiver tracker).
 """
 
 import argparse
@@ -221,6 +221,7 @@ def p_value(value: float) -> str:
 
 
 DOCS = Path(__file__).parents[1] / "docs"
+PAGES = DOCS / "explanation"
 NAME = "simulated_comparison"
 
 
@@ -238,7 +239,7 @@ def main() -> None:
     )
     parser.add_argument("--vary", action="store_true", help="simulate under modifications of the operators")
     parser.add_argument("--forces", action="store_true", help="compare none, vibration, force, and both")
-    parser.add_argument("--output", type=Path, help="a folder; docs/ if not given")
+    parser.add_argument("--output", type=Path, help="a folder; docs/explanation/ if not given")
     given = parser.parse_args()
     if given.vary:
         vary(given)
@@ -265,13 +266,13 @@ def main() -> None:
         f"{prefix}results": results_table(rows),
         f"{prefix}tests": tests_table([paired_tests(part) for part in by_seed(rows).values()]),
     }
-    folder = given.output or DOCS
+    folder = given.output or PAGES
     folder.mkdir(parents=True, exist_ok=True)
     pictures = folder if given.output else DOCS / "images"
     write_trials(rows, folder / f"{name}.csv")
     touch_figure(rows, pictures / f"{name}.png")
     if given.output is None:
-        renew(DOCS / f"{NAME}.md", {**tables, "traits": traits_table()})
+        renew(PAGES / f"{NAME}.md", {**tables, "traits": traits_table()})
     for table in tables.values():
         print(table, end="\n\n")
     print(
@@ -296,12 +297,12 @@ def vary(given: argparse.Namespace) -> None:
                 change=change,
             )
             means += varied_means(rows, label)
-    folder = given.output or DOCS
+    folder = given.output or PAGES
     folder.mkdir(parents=True, exist_ok=True)
     write_trials(means, folder / f"{NAME}_variations.csv")
     table = variations_table(means)
     if given.output is None:
-        renew(DOCS / f"{NAME}.md", {"variations": table})
+        renew(PAGES / f"{NAME}.md", {"variations": table})
     print(table)
 
 

@@ -57,7 +57,7 @@ def main() -> None:
             picture = folder / "paper" / "report" / "figures" / f"{name}.png"
             shutil.copy(picture, DOCS / "images" / f"study-{name.replace('_', '-')}.png")
     tables = {f"study {name}": table for name, table in tables.items()}
-    renew(DOCS / "simulated_comparison.md", tables, "make rehearse")
+    renew(DOCS / "explanation" / "simulated_comparison.md", tables, "make rehearse")
 
 
 def rehearse(folder: Path, protocol_file: Path) -> str:

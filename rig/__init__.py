@@ -1,1 +1,1 @@
-"""The rig as CAD, from a rig.toml: parts, assembly, drawings, bill of materials, checks. See docs/rig.md."""
+"""The rig as CAD, from a rig.toml: parts, assembly, drawings, lists, checks; docs/how_to/rig.md."""

@@ -71,7 +71,7 @@ def test_links_pictures_and_anchors_exist(page):
 
 
 def test_paths_in_the_architecture_exist():
-    for path in re.findall(r"`([\w*]+/[\w/*]+(?:\.\w+|/))`", read("docs/architecture.md")):
+    for path in re.findall(r"`([\w*]+/[\w/*]+(?:\.\w+|/))`", read("docs/explanation/architecture.md")):
         assert [*ROOT.glob(path), *(ROOT / "haptigraph").glob(path)], path
 
 
@@ -81,20 +81,20 @@ def test_readme_lists_every_command():
 
 
 def test_recordings_page_lists_every_topic():
-    text = read("docs/recordings.md")
+    text = read("docs/reference/recordings.md")
     for topic in TOPICS:
         assert f"| `{topic.name}` | `{topic.schema}` | {topic.unit or '-'} | {topic.says} |" in text
 
 
 def test_conventions_page_lists_every_setting():
-    text = read("docs/conventions.md")
+    text = read("docs/reference/conventions.md")
     for table in Config.__struct_fields__:
         for key in getattr(Config(), table).__struct_fields__:
             assert f"`{table}.{key}`" in text, f"{table}.{key}"
 
 
 def test_study_page_lists_every_protocol_key_and_measure():
-    text = read("docs/study.md")
+    text = read("docs/how_to/study.md")
     tables = {"study": StudyTable, "condition": Condition, "training": Training, "trials": Trials}
     tables |= {"target": Target, "questionnaire": QuestionnaireTable, "stop": Stop, "texts": Texts}
     tables |= {"quality": Quality, "calibration": Calibration}
@@ -106,7 +106,7 @@ def test_study_page_lists_every_protocol_key_and_measure():
 
 
 def test_procedures_page_lists_every_measure_and_pattern_kind():
-    text = read("docs/procedures.md")
+    text = read("docs/reference/procedures.md")
     for name in MEASURES:
         assert f"`{name}`" in text
     for kind in ("off", "continuous", "pulses", "bursts"):
@@ -117,15 +117,17 @@ CONTACT = GOLDEN / "wrong_place_then_hit.mcap"
 
 
 def test_example_procedure_is_valid():
-    (text,) = [block for block in blocks(read("docs/procedures.md"), "toml") if "[procedure]" in block]
-    procedure = assemble.parse_procedure(text, "docs/procedures.md")
+    (text,) = [
+        block for block in blocks(read("docs/reference/procedures.md"), "toml") if "[procedure]" in block
+    ]
+    procedure = assemble.parse_procedure(text, "docs/reference/procedures.md")
     assert procedure.name == "touch_and_go"
     assert prove(procedure).violations == []
 
 
 @pytest.mark.parametrize("part", ["invariant", "gap", "overlap", "temporal"])
 def test_example_parts_of_procedures_are_valid(part, procedure):
-    page = blocks(read("docs/procedures.md"), "toml")
+    page = blocks(read("docs/reference/procedures.md"), "toml")
     (text,) = [block for block in page if "[procedure]" not in block and block.startswith(f"[[{part}]]")]
     whole = procedure.text
     if part == "gap":  # it is the one that ships
@@ -144,7 +146,7 @@ def test_example_parts_of_procedures_are_valid(part, procedure):
 
 
 def test_transcripts_match_the_commands(tmp_path, monkeypatch):
-    page = read("docs/procedures.md")
+    page = read("docs/reference/procedures.md")
     (text,) = [block for block in blocks(page, "toml") if "[procedure]" in block]
     (tmp_path / "touch_and_go.toml").write_text(text)
     free = text[text.index('[[state]]\nname = "free"') : text.index("[[invariant]]")]
@@ -160,7 +162,7 @@ def test_transcripts_match_the_commands(tmp_path, monkeypatch):
             assert line.strip() in output, (command, line)
 
 
-TUTORIAL = "docs/own_operation.md"
+TUTORIAL = "docs/tutorials/own_operation.md"
 
 
 def write_tutorial_files(folder: Path) -> None:
@@ -207,21 +209,29 @@ def test_state_diagram_is_current(procedure):
 
 
 def test_example_pattern_that_follows_a_measure_loads():
-    (lean,) = [block for block in blocks(read("docs/procedures.md"), "toml") if "[[pattern.follow]]" in block]
+    (lean,) = [
+        block
+        for block in blocks(read("docs/reference/procedures.md"), "toml")
+        if "[[pattern.follow]]" in block
+    ]
     shipped = assemble.load_procedure("subretinal_injection_continuous").text
     start, end = shipped.index('[[pattern]]\nname = "lean"'), shipped.index('[[pattern]]\nname = "near"')
-    assert assemble.parse_procedure(shipped[:start] + lean + shipped[end:], "docs/procedures.md").patterns
+    assert assemble.parse_procedure(
+        shipped[:start] + lean + shipped[end:], "docs/reference/procedures.md"
+    ).patterns
 
 
 def test_example_registration_loads():
-    (registration,) = [b for b in blocks(read("docs/conventions.md"), "toml") if "[[trocar]]" in b]
-    assert parse_registration(registration, "docs/conventions.md").width_px == 1280
+    (registration,) = [b for b in blocks(read("docs/reference/conventions.md"), "toml") if "[[trocar]]" in b]
+    assert parse_registration(registration, "docs/reference/conventions.md").width_px == 1280
 
 
 def test_example_tissue_loads_and_states_the_defaults():
-    (text,) = [block for block in blocks(read("docs/conventions.md"), "toml") if "[tissue]" in block]
+    (text,) = [
+        block for block in blocks(read("docs/reference/conventions.md"), "toml") if "[tissue]" in block
+    ]
     rest = '[scenario]\ndescription = "x"\n[[move]]\nduration_s = 1\ndepth_mm = 0\ntheta_deg = 0\n'
-    assert Document(text + rest, "docs/conventions.md").convert(Scenario).tissue
+    assert Document(text + rest, "docs/reference/conventions.md").convert(Scenario).tissue
     for key in TissueShape.__struct_fields__:
         assert re.search(rf"^{key} = .*\({getattr(TissueShape(), key):g}\)", text, re.MULTILINE), key
 
@@ -238,7 +248,7 @@ def test_recording_example_runs(quick_uri, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     settings = (f"source.uri={quick_uri}", "run.realtime=false", "recording.path=run.mcap")
     assemble.build(load_config(None, settings)).run()
-    for block in blocks(read("docs/recordings.md"), "python"):
+    for block in blocks(read("docs/reference/recordings.md"), "python"):
         exec(block, {})
     assert "target_hit" in capsys.readouterr().out
 
@@ -249,5 +259,5 @@ def test_readme_lists_every_scenario():
 
 
 def test_disclaimer_is_present():
-    for name in ("README.md", "docs/safety.md"):
+    for name in ("README.md", "docs/explanation/safety.md"):
         assert "not a medical device" in read(name)

@@ -1,4 +1,4 @@
-"""The report of a trained network: a Markdown page with two figures, docs/segmentation_report.md."""
+"""The report of a trained network: docs/explanation/segmentation_report.md, a page with two figures."""
 
 import argparse
 import platform
@@ -61,21 +61,22 @@ def write_report(toml: Path, run: TrainingRun, folder: Path = DOCS) -> None:
     Args:
         toml: TOML file of the network.
         run: How it was trained.
-        folder: Folder of the page; figures go to its images/.
+        folder: Of the docs: the page goes to its explanation/, figures to its images/.
     """
     with ProcessPoolExecutor(PROCESSORS, get_context("spawn")) as pool:
         with_needle = pool.submit(_scored, toml)
         without = {name: pool.submit(_scored_empty, toml, kind) for name, kind in EMPTY_KINDS.items()}
         scored, empty = with_needle.result(), {name: job.result() for name, job in without.items()}
     summed = totals(scored)
-    (folder / "images").mkdir(parents=True, exist_ok=True)
+    for name in ("images", "explanation"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
     _draw_errors(summed, folder / "images" / "segmentation-errors.png")
     cv2.imwrite(str(folder / "images" / "segmentation-examples.jpg"), _draw_examples(scored))
     cv2.imwrite(str(folder / "images" / "segmentation-empty.jpg"), _draw_empty(empty, OnnxModel(str(toml))))
     page = _page(
         summed, {name: empty_totals(scans) for name, scans in empty.items()}, run, model_size_mb(toml)
     )
-    (folder / "segmentation_report.md").write_text(page, encoding="utf-8")
+    (folder / "explanation" / "segmentation_report.md").write_text(page, encoding="utf-8")
     print(page, flush=True)
 
 
@@ -137,7 +138,7 @@ Absolute error in lit columns, at least four columns from the shadow's edge.
 |---|---|---|---|---|---|
 {rows}
 
-![Errors of surfaces, angle and tip](images/segmentation-errors.png)
+![Errors of surfaces, angle and tip](../images/segmentation-errors.png)
 
 ## Needle
 
@@ -162,7 +163,7 @@ B-scans with more than {MAX_SCAN_SHARE:.0%}. Errors: median / p95, where the sur
 
 The first {EXAMPLES // 2} diseased B-scans, and the {EXAMPLES // 2} worst:
 
-![B-scans without needle](images/segmentation-empty.jpg)
+![B-scans without needle](../images/segmentation-empty.jpg)
 
 ## Confusion
 
@@ -178,7 +179,7 @@ union: {overlap}.
 White: ground truth. Green, red and yellow: detected ILM, RPE and needle. Top: the first {EXAMPLES // 2}
 B-scans. Bottom: the {EXAMPLES // 4} worst surfaces, then the {EXAMPLES // 4} worst tips.
 
-![Examples](images/segmentation-examples.jpg)
+![Examples](../images/segmentation-examples.jpg)
 """
 
 

@@ -25,7 +25,7 @@ __all__ = ["evaluate"]
 @click.option(
     "--volumes",
     metavar="FOLDER",
-    help="Score poses in labelled OCT volumes instead (docs/volume_accuracy.md).",
+    help="Score poses in labelled OCT volumes instead (docs/explanation/volume_accuracy.md).",
 )
 @voxel_option
 @click.option("--perceiver", metavar="NAME", help="Perceiver to score; with --simulated the default is all.")

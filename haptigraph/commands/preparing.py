@@ -228,7 +228,7 @@ def _device_of(
 def procedure() -> None:
     """List the shipped procedures, or copy one to edit.
 
-    A procedure is a TOML file with rules and haptic patterns; docs/procedures.md explains every key.
+    A procedure is a TOML file with rules and haptic patterns; docs/reference/procedures.md explains each key.
     """
 
 

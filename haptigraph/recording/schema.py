@@ -1,6 +1,6 @@
 """The contents of a recording: the table of topics, and the header that makes it replayable.
 
-A test keeps docs/recordings.md consistent with this table.
+A test keeps docs/reference/recordings.md consistent with this table.
 """
 
 from typing import Any, Literal, NamedTuple, TypeAlias

@@ -1,6 +1,6 @@
 """Registration of an eye before a camera: check the static anatomy in a TOML file, map it to the eye frame.
 
-docs/conventions.md describes the format.
+docs/reference/conventions.md describes the format.
 """
 
 import base64

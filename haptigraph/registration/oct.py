@@ -2,7 +2,8 @@
 
 The eye frame of a B-scan has its origin at the image centre, x to the right, y up against the beam; that of a
 volume at its centre, with z along its B-scans, the last one nearest to the viewer.
-Perception finds the anatomy in each image, because the retina moves. docs/oct.md describes the format.
+Perception finds the anatomy in each image, because the retina moves. docs/explanation/oct.md describes
+the format.
 """
 
 from typing import ClassVar

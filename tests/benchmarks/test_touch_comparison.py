@@ -100,12 +100,12 @@ def test_tables_give_the_range_over_seeds(rows):
 
 def stored(name: str, kind: type) -> list:
     """Return what a table beside the page of the comparison stores."""
-    with (ROOT / "docs" / f"{name}.csv").open(encoding="utf-8") as file:
+    with (ROOT / "docs/explanation" / f"{name}.csv").open(encoding="utf-8") as file:
         return [msgspec.convert(row, kind, strict=False) for row in csv.DictReader(file)]
 
 
 def test_the_page_shows_the_stored_trials_of_five_seeds():
-    page = (ROOT / "docs/simulated_comparison.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/explanation/simulated_comparison.md").read_text(encoding="utf-8")
     trials = stored("simulated_comparison", TouchTrial)
     assert sorted(by_seed(trials)) == list(touch_comparison.SEEDS)
     assert results_table(trials) in page
@@ -114,7 +114,7 @@ def test_the_page_shows_the_stored_trials_of_five_seeds():
 
 @pytest.mark.slow
 def test_the_page_shows_the_tests_of_the_stored_trials():
-    page = (ROOT / "docs/simulated_comparison.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/explanation/simulated_comparison.md").read_text(encoding="utf-8")
     seeds = by_seed(stored("simulated_comparison", TouchTrial)).values()
     assert touch_comparison.tests_table([paired_tests(part) for part in seeds]) in page
 
@@ -150,7 +150,7 @@ DRAWN, DIM, TURNING, HALF = (
     ],
 )
 def test_sentences_hold_for_every_seed(sentence, measure, variation, conditions, digits):
-    page = " ".join((ROOT / "docs/simulated_comparison.md").read_text(encoding="utf-8").split())
+    page = " ".join((ROOT / "docs/explanation/simulated_comparison.md").read_text(encoding="utf-8").split())
     first, second = ((variation, condition) for condition in conditions)
     assert sentence.format(span(differences(measure, first, second), digits)) in page
 

@@ -13,7 +13,7 @@ from haptigraph.ros2.types import String
 
 
 def documented():
-    """The rows of the table in docs/bridges.md."""
+    """The rows of the table in docs/how_to/bridges.md."""
     text = (ROOT / "docs" / "bridges.md").read_text()
     table = text.partition("**Quality of service.**")[2].partition("**Who finds whom.**")[0]
     rows = [

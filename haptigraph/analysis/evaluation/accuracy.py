@@ -1,6 +1,6 @@
 """The accuracy report: scores on simulated scenes, angle noise at held poses, and a figure of both.
 
-See docs/accuracy.md.
+See docs/explanation/accuracy.md.
 """
 
 from pathlib import Path

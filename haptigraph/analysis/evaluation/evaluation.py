@@ -1,7 +1,7 @@
 """Score perception and states against the ground truth of a labelled clip.
 
-A clip is a folder with clip.mp4, registration.toml and truth.csv; docs/conventions.md describes them and
-defines every score.
+A clip is a folder with clip.mp4, registration.toml and truth.csv; docs/reference/conventions.md describes
+them and defines every score.
 """
 
 import math

@@ -1,6 +1,6 @@
 """The ground truth of a labelled clip: read, check and write truth.csv, one row per image.
 
-docs/conventions.md describes the columns.
+docs/reference/conventions.md describes the columns.
 """
 
 import csv

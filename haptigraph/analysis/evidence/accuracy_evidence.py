@@ -101,7 +101,7 @@ BARS = (
 )
 """Chosen by the project, not by a standard: contacts may not be missed; standard deviations are what they are
 called; the angle is to a third of the 1.7 degrees that count as aligned; detection and agreement are a floor
-below what docs/accuracy.md measures."""
+below what docs/explanation/accuracy.md measures."""
 
 
 def accuracy_claims(

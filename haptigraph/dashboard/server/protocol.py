@@ -1,4 +1,4 @@
-"""The messages between page and server, and their encoding; docs/dashboard.md describes each of them."""
+"""The messages between page and server, and their encoding; see docs/how_to/dashboard.md."""
 
 from typing import Annotated, Any, TypeAlias
 

@@ -1,6 +1,6 @@
 """The operator of the robot, and a simulated one: scripted minimum-jerk moves with hand tremor.
 
-Minimum jerk: Flash and Hogan 1985, J. Neurosci. 5(7). Tremor of 8 to 12 Hz: see docs/conventions.md.
+Minimum jerk: Flash and Hogan 1985, J. Neurosci. 5(7). Tremor of 8 to 12 Hz: docs/reference/conventions.md.
 """
 
 import math

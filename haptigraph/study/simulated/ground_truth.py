@@ -21,7 +21,7 @@ GROUND_TRUTH = "ground-truth"
 OLD_NAMES = {"known": GROUND_TRUTH}
 """Its name in earlier versions, which is still read."""
 
-# docs/accuracy.md, perceiver `tracker`, 66 simulated scenes.
+# docs/explanation/accuracy.md, perceiver `tracker`, 66 simulated scenes.
 NOISE_DEPTHS_MM = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0)
 NOISE_DEG = (0.0258, 0.0242, 0.00835, 0.0385, 0.00897, 0.00595, 0.00325)  # from image to image
 ERROR_DEG, SHALLOW_ERROR_DEG, SHALLOW_MM = 0.0219, 0.0518, 3.0  # median of the error, below and up to a depth

@@ -5,7 +5,7 @@ import pytest
 from paths import RENDERINGS, SHARED
 from rig_setups import SABOTAGES, clip_setup, judged, simulated_setup
 
-SEED = 9101  # neither of development nor of the figures in docs/rig_check.md
+SEED = 9101  # neither of development nor of the figures in docs/how_to/rig_check.md
 MEDIUM = 1
 
 

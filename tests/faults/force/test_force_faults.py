@@ -1,4 +1,4 @@
-"""Run, process and device fail while a hand is pushed: it is let go within the limits of docs/safety.md."""
+"""Run, process and device fail while a hand is pushed: it is let go within the limits of docs/explanation/safety.md."""
 
 import random
 

@@ -183,7 +183,7 @@ def test_bscan_is_the_default_for_b_scan_procedures():
 
 
 def test_the_shipped_network_generalizes_to_new_b_scans():
-    """A few B-scans, to notice a broken network; docs/segmentation_report.md has the full evaluation."""
+    """A few B-scans, to notice a broken network; docs/explanation/segmentation_report.md has the full evaluation."""
     off_px = {"ilm": [], "rpe": []}
     angles_deg, tips_px = [], []
     for number in range(12):

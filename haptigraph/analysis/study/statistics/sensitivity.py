@@ -31,7 +31,8 @@ class Normality(Struct, frozen=True):
 class TTest(Struct, frozen=True):
     """A t test, two-sided, with the 95 % interval of the mean difference (second minus first).
 
-    A study's report leaves the interval out: with few skewed pairs it covers 90 % (docs/study_report.md).
+    A study's report leaves the interval out: with few skewed pairs it covers 90 %
+    (docs/explanation/study_report.md).
     """
 
     t: float
