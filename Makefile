@@ -15,9 +15,10 @@ export PYTHONDONTWRITEBYTECODE =  # programs start faster from compiled modules,
 RIG ?= rig/d405.toml
 RIGS ?= $(basename $(notdir $(wildcard rig/*.toml)))
 BUILDS ?= 2
+PAGES ?= docs
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render rig test-rig rig-registration interop test-exports wheels lock clean
+.PHONY: help docs docs-snippets docs-site setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render rig test-rig rig-registration interop test-exports wheels lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -242,6 +243,20 @@ interop: setup  ## real ROS 2 nodes (Jazzy, Kilted) in separate environments, an
 	$(BIN)/python -m pytest -m slow tests/interop
 	$(BIN)/python -m pytest tests/bridges
 
+docs: docs-snippets docs-site  ## the site into build/docs: every command of every page is run first; warnings are errors
+
+docs-snippets: $(VENV)/docs  ## run the commands and programs of all pages, or of PAGES=docs/how_to/devices.md
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(PAGES)
+
+docs-site: $(VENV)/docs  # with its notebooks and gallery
+	rm -rf build/docs
+	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet --doctree-dir build/doctrees docs build/docs
+	$(BIN)/python docs/outside.py build/docs
+
+$(VENV)/docs: $(VENV)/ready requirements-docs.lock
+	$(call INSTALL,requirements-docs.lock)
+	@touch $(VENV)/docs
+
 wheels: .venv-release/ready  ## an sdist, and wheels for Linux, macOS and Windows, into dist/, checked and tried; needs qemu-user, libc6-arm64-cross, musl (also arm64), wine64
 	.venv-release/bin/python -m release.wheels
 
@@ -268,6 +283,7 @@ lock: setup  ## resolve the dependencies again
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.11,<1'
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
 	$(BIN)/uv pip compile pyproject.toml --group build --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-base.lock
+	$(BIN)/uv pip compile pyproject.toml --group docs --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-docs.lock
 
 clean:  ## remove all that make has made, environments included
 	rm -f $(NATIVE)/native.library

@@ -1,0 +1,87 @@
+"""The site: `make docs`. Nothing here or in the pages asks the network."""
+
+import shutil
+import sys
+from pathlib import Path
+
+DOCS = Path(__file__).parent
+ROOT = DOCS.parent
+sys.path.insert(0, str(ROOT))
+
+from haptigraph.version import __version__  # noqa: E402
+
+project = "haptigraph"
+author = "The haptigraph developers"
+project_copyright = f"2026, {author}"
+version = release = __version__
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_click",
+    "sphinx_copybutton",
+    "sphinx_design",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["**/sg_execution_times.rst", "gallery/*.ipynb", "gallery/*.json"]
+nitpicky = False
+
+myst_enable_extensions = ["colon_fence", "deflist", "substitution", "attrs_inline"]
+myst_heading_anchors = 4
+myst_links_external_new_tab = True
+
+# Notebooks and their files live in examples/; pages need them below docs/.
+shutil.copytree(ROOT / "examples" / "notebooks", DOCS / "notebooks", dirs_exist_ok=True)
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
+nb_ipywidgets_js: dict = {}  # widgets would be loaded from a CDN
+nb_merge_streams = True
+
+autodoc_typehints = "description"
+autodoc_typehints_format = "short"
+autodoc_member_order = "bysource"
+autodoc_mock_imports: list[str] = []
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+add_module_names = False
+
+sphinx_gallery_conf = {
+    "examples_dirs": str(ROOT / "examples" / "gallery"),
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"\.py$",
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+    "show_memory": False,
+    "show_signature": False,
+    "remove_config_comments": True,
+    "within_subsection_order": "FileNameSortKey",
+}
+
+copybutton_prompt_text = "$ "
+copybutton_line_continuation_character = "\\"
+copybutton_exclude = ".linenos, .gp, .go"
+
+html_theme = "pydata_sphinx_theme"
+html_title = f"haptigraph {version}"
+html_static_path = ["site"]
+html_css_files = ["haptigraph.css"]
+html_favicon = "site/haptigraph.svg"
+html_show_sphinx = False
+html_copy_source = False
+html_show_sourcelink = False
+html_theme_options = {
+    "logo": {"text": "haptigraph", "image_light": "site/haptigraph.svg", "image_dark": "site/haptigraph.svg"},
+    "navbar_align": "left",
+    "header_links_before_dropdown": 6,
+    "show_prev_next": True,
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "secondary_sidebar_items": ["page-toc"],
+    "show_toc_level": 2,
+    "navigation_with_keys": False,
+    "pygments_light_style": "friendly",
+    "pygments_dark_style": "monokai",
+}
+suppress_warnings = ["config.cache"]  # sphinx_gallery_conf has a key that cannot be pickled
