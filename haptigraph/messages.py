@@ -62,23 +62,19 @@ UNKNOWN = "unknown"
 TIP_NOT_VISIBLE = "tip_not_visible"
 """The state of a needle whose shaft is detected, but not its tip."""
 
+FaultyPart: TypeAlias = Literal[
+    "source", "registration", "perceiver", "guard", "device", "force", "recorder", "bridge", "leader", "robot"
+]
+
 
 class Fault(Struct, frozen=True):
     """An error that the loop survived."""
 
-    where: Literal[
-        "source",
-        "registration",
-        "perceiver",
-        "guard",
-        "device",
-        "force",
-        "recorder",
-        "bridge",
-        "leader",
-        "robot",
-    ]
+    where: FaultyPart
     message: str
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.message}"
 
 
 class Truth(Struct, frozen=True):

@@ -319,4 +319,4 @@ class Loop:
 
     def _count(self, faults: Sequence[Fault]) -> None:
         if faults:  # an empty update takes as long as a stage
-            self.report.faults.update(f"{fault.where}: {fault.message}" for fault in faults)
+            self.report.faults.update(map(str, faults))

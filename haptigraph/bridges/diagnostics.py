@@ -35,7 +35,7 @@ class RunDiagnostics:
         self._images += capture.image is not None
         if step.timing is not None:
             self._latency_ns = max(self._latency_ns, step.timing.commanded_ns - step.stamp_ns)
-        self._faults.update(f"{fault.where}: {fault.message}" for fault in step.faults)
+        self._faults.update(map(str, step.faults))
         if elapsed_ns < PERIOD_NS:
             return None
         summary = self._summary(step, elapsed_ns)

@@ -46,7 +46,7 @@ class ConsoleSink:
         time_s = (step.stamp_ns - self._start_ns) / 1e9
         for fault in step.faults:
             if fault not in self._faults:
-                self._print(f"{time_s:7.2f} s  ! {fault.where}: {fault.message}")
+                self._print(f"{time_s:7.2f} s  ! {fault}")
         self._faults = step.faults
         if step.conclusion.state != self._state:
             self._state = step.conclusion.state

@@ -91,7 +91,7 @@ def _outcome(measures: RunMeasures) -> dict[str, Any]:
         "completion_s": measures.completion_s,
         "mean_theta_deg": measures.mean_theta_deg,
         "contacts": measures.contacts,
-        "state_changes": max(len(measures.order) - 1, 0),
+        "state_changes": measures.state_changes,
         "tipless_steps": measures.tipless_steps,
         "longest_tipless_s": measures.longest_tipless_s,
         "run_state_s": measures.state_s,

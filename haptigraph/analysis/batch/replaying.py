@@ -101,7 +101,7 @@ def figures(measures: RunMeasures, patterns: Counter[str]) -> dict[str, Any]:
         "completion_s": measures.completion_s,
         "mean_theta_deg": measures.mean_theta_deg,
         "contacts": measures.contacts,
-        "state_changes": max(len(measures.order) - 1, 0),
+        "state_changes": measures.state_changes,
         "broken_claims": sum(claim.broken for claim in measures.claims),
         "state_s": measures.all_state_s,
         "patterns": dict(patterns),

@@ -243,7 +243,7 @@ def _scene() -> Iterator[Column]:
     )  # fmt: skip
     yield Column(
         "faults", "texts", "scene", "faults in this step: where, and what",
-        lambda row: [f"{fault.where}: {fault.message}" for fault in row.step.faults],
+        lambda row: [*map(str, row.step.faults)],
     )  # fmt: skip
     yield Column("because", "text", "scene", "why the state", lambda row: row.step.conclusion.because)
     yield Column(

@@ -31,7 +31,7 @@ def _lines(report: ReplayReport) -> Iterator[Line]:
     yield "completion time", *_both(runs, _completion)
     yield "mean theta", *_both(runs, lambda run: _number(run.mean_theta_deg, "°"))
     yield "unintended contacts", *_both(runs, lambda run: str(run.contacts))
-    yield "state changes", *_both(runs, lambda run: str(max(len(run.order) - 1, 0)))
+    yield "state changes", *_both(runs, lambda run: str(run.state_changes))
     yield "steps without a visible tip", *_both(runs, lambda run: str(run.tipless_steps))
     states = dict.fromkeys([*runs[0].all_state_s, *runs[1].all_state_s])
     for state in sorted(states, key=lambda name: -runs[0].all_state_s.get(name, 0.0)):

@@ -96,7 +96,7 @@ def explain_moment(path: str | Path, at_s: float) -> Explanation:
     time_s = (found.stamp_ns - first_ns) / 1e9
     if at_s < 0 or at_s > (last_ns - first_ns) / 1e9 + 1:
         raise BadInput(f"has no step at {at_s:g} s; valid: 0 to {time_s:.2f} s", path)
-    faults = tuple(f"{fault.where}: {fault.message}" for fault in found.faults)
+    faults = tuple(map(str, found.faults))
     explanation = explain_graph(procedure, found.graph, time_s, faults, found.observation)
     recorded, pattern = found.conclusion, found.command.pattern
     is_held = recorded.state != explanation.state

@@ -70,6 +70,11 @@ class RunMeasures(Struct):
         return [monitor.result for monitor in self.monitors]
 
     @property
+    def state_changes(self) -> int:
+        """How often the state changed between start and end."""
+        return max(len(self.order) - 1, 0)
+
+    @property
     def completion_s(self) -> float | None:
         """Time from start to end; None if the run did not end."""
         if self.started_ns is None or self.ended_ns is None:

@@ -42,7 +42,7 @@ def _run_lines(measures: RunMeasures) -> list[str]:
     return [
         f"run             {outcome}",
         f"mean theta      {theta_deg:.2f} deg" if theta_deg is not None else "mean theta      -",
-        f"contacts        {measures.contacts} unintended, {max(len(measures.order) - 1, 0)} state changes",
+        f"contacts        {measures.contacts} unintended, {measures.state_changes} state changes",
     ]
 
 

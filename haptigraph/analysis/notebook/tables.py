@@ -43,7 +43,7 @@ def step_html(step: Step) -> str:
         ("plays", step.command.pattern.name),
         *((name, f"{value:.3g}") for name, value in step.graph.measures.items()),
         *sds,
-        ("faults", "; ".join(f"{fault.where}: {fault.message}" for fault in step.faults)),
+        ("faults", "; ".join(map(str, step.faults))),
     ]
     return _table_html(rows, step.conclusion.state) + (graph_svg(step.graph) if step.graph.nodes else "")
 

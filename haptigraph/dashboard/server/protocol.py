@@ -222,6 +222,6 @@ def image_header(step: Step, moving: frozenset[str], view: EyeView, **more: Any)
         beside=tuple(beside),
         sd_mm={} if tip_sd_mm is None else {TIP: tip_sd_mm},
         in_space=in_space_text(step.observation),
-        faults=tuple(f"{fault.where}: {fault.message}" for fault in step.faults),
+        faults=tuple(map(str, step.faults)),
         **more,
     )

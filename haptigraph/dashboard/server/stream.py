@@ -70,7 +70,7 @@ def measures_json(measures: RunMeasures, start_ns: int) -> dict[str, Any]:
         "completion_s": measures.completion_s,
         "mean_theta_deg": measures.mean_theta_deg,
         "contacts": measures.contacts,
-        "changes": max(len(measures.order) - 1, 0),
+        "changes": measures.state_changes,
         "claims": [{"name": one.name, "broken": one.broken} for one in measures.claims],
         "steps": measures.steps,
         "tipless_steps": measures.tipless_steps,
