@@ -9,12 +9,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
+from shutil import copyfile
 
 import cv2
 
 import haptigraph
 
 ROOT = Path(__file__).parents[1]
+GOLDEN = ROOT / "tests" / "replay" / "golden"
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "support" / "boards")]
 
 from firmata_board import Board  # noqa: E402 - in that folder
@@ -51,6 +53,12 @@ def recording(folder: Path) -> StandIn:
     return StandIn()
 
 
+def short_recording(folder: Path) -> StandIn:
+    """The golden run of that scenario, run.mcap: five images a second, no time to make it."""
+    copyfile(GOLDEN / "wrong_place_then_hit.mcap", folder / "run.mcap")
+    return StandIn()
+
+
 def arduino(folder: Path) -> StandIn:
     """A board with StandardFirmata at /dev/ttyACM0: it answers as the sketch does, at a pseudo-terminal."""
     board = Board(folder / ".ttyACM0")
@@ -60,5 +68,6 @@ def arduino(folder: Path) -> StandIn:
 STAND_INS: dict[str, Callable[[Path], StandIn]] = {
     "clip": clip,
     "recording": recording,
+    "short_recording": short_recording,
     "arduino": arduino,
 }
