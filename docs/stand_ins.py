@@ -5,8 +5,10 @@ file, the board answers Firmata at a pseudo-terminal.
 """
 
 import sys
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from shutil import copyfile
@@ -16,7 +18,6 @@ import cv2
 import haptigraph
 
 ROOT = Path(__file__).parents[1]
-GOLDEN = ROOT / "tests" / "replay" / "golden"
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "support" / "boards")]
 
 from firmata_board import Board  # noqa: E402 - in that folder
@@ -42,20 +43,22 @@ def clip(folder: Path) -> StandIn:
     return StandIn()
 
 
-def recording(folder: Path) -> StandIn:
-    """A recorded run of the phantom, run.mcap."""
+@cache
+def recorded() -> tempfile.TemporaryDirectory[str]:
+    """Record a run of the phantom, once for all pages."""
+    folder = tempfile.TemporaryDirectory(prefix="haptigraph-recording-")
     settings = [
         "source.uri=phantom:wrong_place_then_hit",
         "run.realtime=false",
-        f"recording.path={folder / 'run.mcap'}",
+        f"recording.path={Path(folder.name) / 'run.mcap'}",
     ]
     haptigraph.build(haptigraph.load_config(settings=settings)).run()
-    return StandIn()
+    return folder
 
 
-def short_recording(folder: Path) -> StandIn:
-    """The golden run of that scenario, run.mcap: five images a second, no time to make it."""
-    copyfile(GOLDEN / "wrong_place_then_hit.mcap", folder / "run.mcap")
+def recording(folder: Path) -> StandIn:
+    """A recorded run of the phantom, run.mcap."""
+    copyfile(Path(recorded().name) / "run.mcap", folder / "run.mcap")
     return StandIn()
 
 
@@ -68,6 +71,5 @@ def arduino(folder: Path) -> StandIn:
 STAND_INS: dict[str, Callable[[Path], StandIn]] = {
     "clip": clip,
     "recording": recording,
-    "short_recording": short_recording,
     "arduino": arduino,
 }
