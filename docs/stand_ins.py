@@ -5,10 +5,13 @@ file, the board answers Firmata at a pseudo-terminal.
 """
 
 import sys
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import islice
 from pathlib import Path
+from shutil import copyfile
 
 import cv2
 
@@ -40,14 +43,22 @@ def clip(folder: Path) -> StandIn:
     return StandIn()
 
 
-def recording(folder: Path) -> StandIn:
-    """A recorded run of the phantom, run.mcap."""
+@cache
+def recorded() -> tempfile.TemporaryDirectory[str]:
+    """Record a run of the phantom, once for all pages."""
+    folder = tempfile.TemporaryDirectory(prefix="haptigraph-recording-")
     settings = [
         "source.uri=phantom:wrong_place_then_hit",
         "run.realtime=false",
-        f"recording.path={folder / 'run.mcap'}",
+        f"recording.path={Path(folder.name) / 'run.mcap'}",
     ]
     haptigraph.build(haptigraph.load_config(settings=settings)).run()
+    return folder
+
+
+def recording(folder: Path) -> StandIn:
+    """A recorded run of the phantom, run.mcap."""
+    copyfile(Path(recorded().name) / "run.mcap", folder / "run.mcap")
     return StandIn()
 
 

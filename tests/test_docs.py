@@ -10,7 +10,6 @@ from paths import GOLDEN, ROOT
 from haptigraph import assemble
 from haptigraph.analysis.plots.diagram import diagram_svg
 from haptigraph.analysis.plots.scenario_diagram import scenario_svg
-from haptigraph.cli import main
 from haptigraph.config import Config
 from haptigraph.proof.prove import prove
 from haptigraph.recording.schema import TOPICS
@@ -73,11 +72,6 @@ def test_links_pictures_and_anchors_exist(page):
 def test_paths_in_the_architecture_exist():
     for path in re.findall(r"`([\w*]+/[\w/*]+(?:\.\w+|/))`", read("docs/explanation/architecture.md")):
         assert [*ROOT.glob(path), *(ROOT / "haptigraph").glob(path)], path
-
-
-def test_readme_lists_every_command():
-    for command in main.commands:
-        assert f"haptigraph {command}" in read("README.md")
 
 
 def test_recordings_page_lists_every_topic():
@@ -253,9 +247,9 @@ def test_recording_example_runs(quick_uri, tmp_path, monkeypatch, capsys):
     assert "target_hit" in capsys.readouterr().out
 
 
-def test_readme_lists_every_scenario():
+def test_conventions_page_lists_every_scenario():
     for name in scenario_names():
-        assert name in read("README.md")
+        assert f"| `{name}` |" in read("docs/reference/conventions.md")
 
 
 def test_disclaimer_is_present():

@@ -1,4 +1,4 @@
-"""Faults drawn at random against the real program: one function for each line of the table in docs/explanation/safety.md.
+"""Faults drawn at random against the real program: one function for each line of the table in docs/explanation/faults.md.
 
 A trial gets a random generator and an empty folder, breaks something, and judges from outside: from the bytes
 at the actuator's end, from files, exit codes and output. It raises `BrokenPromise`, or returns what it measured.

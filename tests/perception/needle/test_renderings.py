@@ -1,6 +1,6 @@
 """The tracker on six scenes that `make render` has rendered.
 
-Bounds, not figures: docs/explanation/accuracy.md states the results. Metal mirrors its surroundings here; simulated needles
+Bounds, not figures: docs/explanation/accuracy_results.md states the results. Metal mirrors its surroundings here; simulated needles
 do not.
 """
 
