@@ -147,6 +147,15 @@ def bscans(folder: Path) -> StandIn:
     return StandIn()
 
 
+def network(folder: Path) -> StandIn:
+    """A network of four classes beside nets/mine.toml: it knows grey levels only."""
+    from onnx_files import grey_steps_net
+
+    model = grey_steps_net([-0.9, 1.0, -0.2, 0.4], 20.0)
+    (folder / "nets" / "mine.onnx").write_bytes(model.SerializeToString())
+    return StandIn()
+
+
 def volumes(folder: Path) -> StandIn:
     """Simulated OCT volumes, volumes/."""
     (folder / "volumes").mkdir()
@@ -218,6 +227,7 @@ STAND_INS: dict[str, Callable[[Path], StandIn]] = {
     "sheet": sheet,
     "rig": rig,
     "bscans": bscans,
+    "network": network,
     "volumes": volumes,
     "rosbag": rosbag,
     "inverse3": inverse3,
