@@ -15,23 +15,31 @@ from pathlib import Path
 import cv2
 import numpy as np
 from msgspec.structs import replace
+from pydicom.dataset import Dataset
 
 import haptigraph
+from haptigraph.assemble import open_source
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config, SourceConfig
 from haptigraph.rig.description import load_rig
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
+from haptigraph.sources.reading import read_images
 
 ROOT = Path(__file__).parents[1]
 SUPPORT = ROOT / "tests" / "support"
-sys.path[:0] = [
+sys.path += [
     *(str(folder) for folder in (SUPPORT, SUPPORT / "boards", SUPPORT / "force")),
     *(str(folder) for folder in (ROOT / "tests" / "ros2", ROOT / "benchmarks")),
 ]
 
-from firmata_board import Board  # noqa: E402 - in these folders
+from dicom_files import dicom, write  # noqa: E402 - in these folders
+from firmata_board import Board  # noqa: E402
 from haptic_driver import DriverBoard  # noqa: E402
+from inverse_service import Service, serving  # noqa: E402
+from lens import BOARD, SheetCamera, simulated_lens  # noqa: E402
+from onnx_files import grey_steps_net  # noqa: E402
+from ros_bags import images_bag  # noqa: E402
 from streaming import StreamingCamera  # noqa: E402
 
 
@@ -87,8 +95,6 @@ def camera(folder: Path) -> StandIn:
 
 def sheet(folder: Path) -> StandIn:
     """A camera, camera:0, to which the printed sheet is shown in 40 positions, with a lens that distorts."""
-    from lens import BOARD, SheetCamera, simulated_lens
-
     rng = np.random.default_rng(5)
     shown = SheetCamera(simulated_lens(-0.04, 900.0, rng), BOARD, rng)
     return streaming([shown.picture() for _ in range(40)], rate_hz=5.0)
@@ -101,7 +107,7 @@ def streaming(images: Iterable[np.ndarray], rate_hz: float = 30.0) -> StandIn:
 
 
 def rig(folder: Path) -> StandIn:
-    """The rig of rig/d405.toml as built without any error: that file, also as rig.toml, and a clip of its camera."""
+    """The rig of rig/d405.toml, built without any error: this file, also as rig.toml, and a clip."""
     (folder / "rig").mkdir()
     for name in ("rig/d405.toml", "rig.toml"):
         shutil.copy(ROOT / "rig" / "d405.toml", folder / name)
@@ -127,10 +133,7 @@ def rig(folder: Path) -> StandIn:
 
 
 def bscans(folder: Path) -> StandIn:
-    """Simulated B-scans: a folder scans/ of pictures, a file scan.dcm, and a film of a monitor, monitor.mp4."""
-    from dicom_files import dicom, write
-    from pydicom.dataset import Dataset
-
+    """Simulated B-scans: pictures in scans/, a file scan.dcm, and a film of a monitor, monitor.mp4."""
     images = captured("phantom:ioct_approach", 60)
     write_pictures(folder / "scans", images)
     pixels = Dataset()
@@ -149,8 +152,7 @@ def bscans(folder: Path) -> StandIn:
 
 def network(folder: Path) -> StandIn:
     """A network of four classes beside nets/mine.toml: it knows grey levels only."""
-    from onnx_files import grey_steps_net
-
+    (folder / "nets").mkdir(exist_ok=True)
     model = grey_steps_net([-0.9, 1.0, -0.2, 0.4], 20.0)
     (folder / "nets" / "mine.onnx").write_bytes(model.SerializeToString())
     return StandIn()
@@ -167,8 +169,6 @@ def volumes(folder: Path) -> StandIn:
 
 def rosbag(folder: Path) -> StandIn:
     """A ROS 2 bag, surgery/, of a simulated eye."""
-    from ros_bags import images_bag
-
     phantom = Phantom(load_scenario("align_then_approach"))
     images_bag(folder / "surgery", [moment.image for moment in moments(phantom, 60)])
     return StandIn()
@@ -176,8 +176,6 @@ def rosbag(folder: Path) -> StandIn:
 
 def inverse3(folder: Path) -> StandIn:
     """A force device, inverse3: the service of its maker, simulated; its button is held."""
-    from inverse_service import Service, serving
-
     stack, service = ExitStack(), Service()
     stack.enter_context(serving(service))
     service.buttons["a"] = True
@@ -191,9 +189,6 @@ def moments(phantom: Phantom, count: int) -> list:
 
 def captured(uri: str, count: int) -> list[np.ndarray]:
     """Return images of a source."""
-    from haptigraph.assemble import open_source
-    from haptigraph.sources.reading import read_images
-
     source = open_source(Config(SourceConfig(uri=uri)), VirtualClock())
     return [capture.image for capture in islice(read_images(source), count)]
 
