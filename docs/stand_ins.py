@@ -132,15 +132,20 @@ def rig(folder: Path) -> StandIn:
     return StandIn()
 
 
-def bscans(folder: Path) -> StandIn:
-    """Simulated B-scans: pictures in scans/, a file scan.dcm, and a film of a monitor, monitor.mp4."""
-    images = captured("phantom:ioct_approach", 60)
-    write_pictures(folder / "scans", images)
-    pixels = Dataset()
+def scan(folder: Path) -> StandIn:
+    """A simulated B-scan, scan.dcm."""
+    pixels, group = Dataset(), Dataset()
     pixels.PixelSpacing = [0.0033, 0.0078]
-    group = Dataset()
     group.PixelMeasuresSequence = [pixels]
-    write(folder / "scan.dcm", dicom(np.array(images[:1]), SharedFunctionalGroupsSequence=[group]))
+    images = np.array(captured("phantom:ioct_approach", 1))
+    write(folder / "scan.dcm", dicom(images, SharedFunctionalGroupsSequence=[group]))
+    return StandIn()
+
+
+def bscans(folder: Path) -> StandIn:
+    """Simulated B-scans: pictures in scans/, and a film of a monitor, monitor.mp4."""
+    images = captured("phantom:ioct_approach", 30)
+    write_pictures(folder / "scans", images)
     screen = np.full((900, 1400), 40, np.uint8)
     shown = []
     for image in images:
@@ -221,6 +226,7 @@ STAND_INS: dict[str, Callable[[Path], StandIn]] = {
     "camera": camera,
     "sheet": sheet,
     "rig": rig,
+    "scan": scan,
     "bscans": bscans,
     "network": network,
     "volumes": volumes,
