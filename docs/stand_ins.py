@@ -81,6 +81,12 @@ def driver_chip(folder: Path) -> StandIn:
     return StandIn(replaced={"/dev/ttyACM0": str(folder / ".ttyACM0-chip")}, stop=board.close)
 
 
+def driver_chips(folder: Path) -> StandIn:
+    """Two DRV2605L, at channels 0 and 1 of a multiplexer, on the I2C bus of a board at /dev/ttyACM0."""
+    board = DriverBoard(folder / ".ttyACM0-chips", channels=(0, 1))
+    return StandIn(replaced={"/dev/ttyACM0": str(folder / ".ttyACM0-chips")}, stop=board.close)
+
+
 def eye(folder: Path) -> StandIn:
     """The registration of the simulated eye that `clip` and `camera` show, eye.toml."""
     phantom = Phantom(load_scenario("align_then_approach"))
@@ -222,6 +228,7 @@ STAND_INS: dict[str, Callable[[Path], StandIn]] = {
     "recording": recording,
     "arduino": arduino,
     "driver_chip": driver_chip,
+    "driver_chips": driver_chips,
     "eye": eye,
     "camera": camera,
     "sheet": sheet,
