@@ -172,7 +172,7 @@ def network(folder: Path) -> StandIn:
 def volumes(folder: Path) -> StandIn:
     """Simulated OCT volumes, volumes/."""
     (folder / "volumes").mkdir()
-    for number, image in enumerate(captured("phantom:volume_approach", 8)):
+    for number, image in enumerate(captured("phantom:volume_approach", 5)):
         slices = image.reshape(len(image), 48, -1).swapaxes(0, 1)
         np.save(folder / "volumes" / f"{number:03}.npy", slices)
     return StandIn()
