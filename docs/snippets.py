@@ -48,6 +48,9 @@ ENVIRONMENT = {
     "BROWSER": "true",  # no browser opens
 }
 
+signal.signal(signal.SIGINT, signal.default_int_handler)
+"""Also as a job in the background, whose children would ignore Ctrl-C otherwise."""
+
 
 def parse(document: Document) -> Iterable[Region]:
     """Make an example of every fenced block; those of MyST, in braces, belong to Sphinx."""
