@@ -4,6 +4,9 @@ A page names them in `<!-- given NAME -->`. Each is as real as this machine allo
 file, the board answers Firmata at a pseudo-terminal.
 """
 
+import os
+import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -16,6 +19,8 @@ import haptigraph
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "support" / "boards")]
+
+ENVIRONMENT = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
 
 from firmata_board import Board  # noqa: E402 - in that folder
 
@@ -57,8 +62,63 @@ def arduino(folder: Path) -> StandIn:
     return StandIn(replaced={"/dev/ttyACM0": str(folder / ".ttyACM0")}, stop=board.close)
 
 
+def repository(folder: Path) -> StandIn:
+    """Files of a clone: examples/ and rig/."""
+    for name in ("examples", "rig"):
+        (folder / name).symlink_to(ROOT / name)
+    return StandIn()
+
+
+def contact(folder: Path) -> StandIn:
+    """One of the golden recordings, run.mcap: the needle touches the retina beside the target, then hits it."""
+    shutil.copy(ROOT / "tests" / "replay" / "golden" / "wrong_place_then_hit.mcap", folder / "run.mcap")
+    return StandIn()
+
+
+def bent(folder: Path) -> StandIn:
+    """A golden recording with a robot, run.mcap."""
+    shutil.copy(ROOT / "tests" / "replay" / "golden" / "bent_needle.mcap", folder / "run.mcap")
+    return StandIn()
+
+
+def short_recording(folder: Path) -> StandIn:
+    """Eight seconds of a phantom in small images, run.mcap."""
+    record(folder / "run.mcap", "quick")
+    return StandIn()
+
+
+def recordings(folder: Path) -> StandIn:
+    """A folder of short recordings, recordings/."""
+    (folder / "recordings").mkdir()
+    record(folder / "recordings" / "1.mcap", "quick")
+    record(folder / "recordings" / "2.mcap", "steady")
+    return StandIn()
+
+
+def study(folder: Path) -> StandIn:
+    """A study, my-study/, whose data come from two simulated participants."""
+    subprocess.run(["haptigraph", "study", "new", "my-study"], cwd=folder, env=ENVIRONMENT, check=True)
+    command = ["haptigraph", "study", "simulate", "my-study", "--participants", "2", "--workers", "1"]
+    subprocess.run(command, cwd=folder, env=ENVIRONMENT, check=True)
+    return StandIn()
+
+
+def record(path: Path, scenario: str) -> None:
+    """Record a run of a phantom with small images."""
+    shutil.copy(ROOT / "tests" / "data" / f"{scenario}.toml", path.parent / f".{scenario}.toml")
+    uri = f"phantom:{path.parent / f'.{scenario}.toml'}"
+    settings = [f"source.uri={uri}", "run.realtime=false", f"recording.path={path}"]
+    haptigraph.build(haptigraph.load_config(settings=settings)).run()
+
+
 STAND_INS: dict[str, Callable[[Path], StandIn]] = {
     "clip": clip,
     "recording": recording,
     "arduino": arduino,
+    "repository": repository,
+    "contact": contact,
+    "bent": bent,
+    "short_recording": short_recording,
+    "recordings": recordings,
+    "study": study,
 }
