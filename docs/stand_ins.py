@@ -4,7 +4,9 @@ A page names them in `<!-- given NAME -->`. Each is as real as this machine allo
 file, the board answers Firmata at a pseudo-terminal.
 """
 
+import builtins
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -103,6 +105,17 @@ def study(folder: Path) -> StandIn:
     return StandIn()
 
 
+def answers(folder: Path) -> StandIn:
+    """A participant who answers every question of a program."""
+
+    def answer(prompt: str) -> str:
+        choice = re.search(r"one of ([^,)]+)", prompt)
+        return choice[1] if choice else "3" if "scale" in prompt or "whole number" in prompt else "20"
+
+    before, builtins.input = builtins.input, answer
+    return StandIn(stop=lambda: setattr(builtins, "input", before))
+
+
 def record(path: Path, scenario: str) -> None:
     """Record a run of a phantom with small images."""
     shutil.copy(ROOT / "tests" / "data" / f"{scenario}.toml", path.parent / f".{scenario}.toml")
@@ -121,4 +134,5 @@ STAND_INS: dict[str, Callable[[Path], StandIn]] = {
     "short_recording": short_recording,
     "recordings": recordings,
     "study": study,
+    "answers": answers,
 }

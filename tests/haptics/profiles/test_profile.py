@@ -115,7 +115,7 @@ def test_a_profile_belongs_to_its_kind_of_device_and_can_be_rehearsed_without_on
 
 
 def test_the_profile_in_the_docs_is_valid():
-    text = (EXAMPLES.parents[1] / "docs" / "devices.md").read_text()
+    text = (EXAMPLES.parents[1] / "docs/how_to/devices.md").read_text()
     (block,) = (
         each for each in re.findall(r"```toml\n(.*?)```", text, re.DOTALL) if "[[intensity.point]]" in each
     )
