@@ -20,6 +20,7 @@ import cv2
 import haptigraph
 
 ROOT = Path(__file__).parents[1]
+GOLDEN = ROOT / "tests" / "replay" / "golden"
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "support" / "boards")]
 
 ENVIRONMENT = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
@@ -72,28 +73,32 @@ def repository(folder: Path) -> StandIn:
 
 
 def contact(folder: Path) -> StandIn:
-    """One of the golden recordings, run.mcap: the needle touches the retina beside the target, then hits it."""
-    shutil.copy(ROOT / "tests" / "replay" / "golden" / "wrong_place_then_hit.mcap", folder / "run.mcap")
+    """A golden recording, run.mcap: the needle touches the retina beside the target, then hits it."""
+    shutil.copy(GOLDEN / "wrong_place_then_hit.mcap", folder / "run.mcap")
     return StandIn()
 
 
 def bent(folder: Path) -> StandIn:
     """A golden recording with a robot, run.mcap."""
-    shutil.copy(ROOT / "tests" / "replay" / "golden" / "bent_needle.mcap", folder / "run.mcap")
+    shutil.copy(GOLDEN / "bent_needle.mcap", folder / "run.mcap")
     return StandIn()
 
 
 def short_recording(folder: Path) -> StandIn:
     """Eight seconds of a phantom in small images, run.mcap."""
-    record(folder / "run.mcap", "quick")
+    path, scenario = folder / "run.mcap", folder / ".quick.toml"
+    path.unlink(missing_ok=True)
+    shutil.copy(ROOT / "tests" / "data" / "quick.toml", scenario)
+    settings = [f"source.uri=phantom:{scenario}", "run.realtime=false", f"recording.path={path}"]
+    haptigraph.build(haptigraph.load_config(settings=settings)).run()
     return StandIn()
 
 
 def recordings(folder: Path) -> StandIn:
-    """A folder of short recordings, recordings/."""
+    """A folder of golden recordings, recordings/."""
     (folder / "recordings").mkdir()
-    record(folder / "recordings" / "1.mcap", "quick")
-    record(folder / "recordings" / "2.mcap", "steady")
+    for name in ("align_then_approach", "wrong_place_then_hit"):
+        shutil.copy(GOLDEN / f"{name}.mcap", folder / "recordings")
     return StandIn()
 
 
@@ -114,14 +119,6 @@ def answers(folder: Path) -> StandIn:
 
     before, builtins.input = builtins.input, answer
     return StandIn(stop=lambda: setattr(builtins, "input", before))
-
-
-def record(path: Path, scenario: str) -> None:
-    """Record a run of a phantom with small images."""
-    shutil.copy(ROOT / "tests" / "data" / f"{scenario}.toml", path.parent / f".{scenario}.toml")
-    uri = f"phantom:{path.parent / f'.{scenario}.toml'}"
-    settings = [f"source.uri={uri}", "run.realtime=false", f"recording.path={path}"]
-    haptigraph.build(haptigraph.load_config(settings=settings)).run()
 
 
 STAND_INS: dict[str, Callable[[Path], StandIn]] = {
