@@ -178,6 +178,7 @@ def run(example: Example, command: str, shown: str, code: int, until: str | None
         text=True,
         encoding="utf-8",
         start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
     )
     output = read_until(process, until) if until else process.communicate(timeout=TIMEOUT_S)[0]
     for name, real in replaced.items():

@@ -4,7 +4,11 @@ A page names them in `<!-- given NAME -->`. Each is as real as this machine allo
 file, the board answers Firmata at a pseudo-terminal.
 """
 
+import builtins
+import os
+import re
 import shutil
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
@@ -30,6 +34,7 @@ from haptigraph.sim.scenario import load_scenario
 from haptigraph.sources.reading import read_images
 
 ROOT = Path(__file__).parents[1]
+GOLDEN = ROOT / "tests" / "replay" / "golden"
 SUPPORT = ROOT / "tests" / "support"
 sys.path += [
     *(str(folder) for folder in (SUPPORT, SUPPORT / "boards", SUPPORT / "force")),
@@ -44,6 +49,8 @@ from lens import BOARD, SheetCamera, simulated_lens  # noqa: E402
 from onnx_files import grey_steps_net  # noqa: E402
 from ros_bags import images_bag  # noqa: E402
 from streaming import StreamingCamera  # noqa: E402
+
+ENVIRONMENT = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,6 +241,62 @@ def write_pictures(folder: Path, images: Iterable[np.ndarray]) -> None:
         cv2.imwrite(str(folder / f"{number:03}.png"), image)
 
 
+def repository(folder: Path) -> StandIn:
+    """Files of a clone: examples/ and rig/."""
+    for name in ("examples", "rig"):
+        (folder / name).symlink_to(ROOT / name)
+    return StandIn()
+
+
+def contact(folder: Path) -> StandIn:
+    """A golden recording, run.mcap: the needle touches the retina beside the target, then hits it."""
+    shutil.copy(GOLDEN / "wrong_place_then_hit.mcap", folder / "run.mcap")
+    return StandIn()
+
+
+def bent(folder: Path) -> StandIn:
+    """A golden recording with a robot, run.mcap."""
+    shutil.copy(GOLDEN / "bent_needle.mcap", folder / "run.mcap")
+    return StandIn()
+
+
+def short_recording(folder: Path) -> StandIn:
+    """Eight seconds of a phantom in small images, run.mcap."""
+    path, scenario = folder / "run.mcap", folder / ".quick.toml"
+    path.unlink(missing_ok=True)
+    shutil.copy(ROOT / "tests" / "data" / "quick.toml", scenario)
+    settings = [f"source.uri=phantom:{scenario}", "run.realtime=false", f"recording.path={path}"]
+    haptigraph.build(haptigraph.load_config(settings=settings)).run()
+    return StandIn()
+
+
+def recordings(folder: Path) -> StandIn:
+    """A folder of golden recordings, recordings/."""
+    (folder / "recordings").mkdir()
+    for name in ("align_then_approach", "wrong_place_then_hit"):
+        shutil.copy(GOLDEN / f"{name}.mcap", folder / "recordings")
+    return StandIn()
+
+
+def study(folder: Path) -> StandIn:
+    """A study, my-study/, whose data come from two simulated participants."""
+    subprocess.run(["haptigraph", "study", "new", "my-study"], cwd=folder, env=ENVIRONMENT, check=True)
+    command = ["haptigraph", "study", "simulate", "my-study", "--participants", "2", "--workers", "1"]
+    subprocess.run(command, cwd=folder, env=ENVIRONMENT, check=True)
+    return StandIn()
+
+
+def answers(folder: Path) -> StandIn:
+    """A participant who answers every question of a program."""
+
+    def answer(prompt: str) -> str:
+        choice = re.search(r"one of ([^,)]+)", prompt)
+        return choice[1] if choice else "3" if "scale" in prompt or "whole number" in prompt else "20"
+
+    before, builtins.input = builtins.input, answer
+    return StandIn(stop=lambda: setattr(builtins, "input", before))
+
+
 STAND_INS: dict[str, Callable[[Path], StandIn]] = {
     "clip": clip,
     "recording": recording,
@@ -250,4 +313,11 @@ STAND_INS: dict[str, Callable[[Path], StandIn]] = {
     "volumes": volumes,
     "rosbag": rosbag,
     "inverse3": inverse3,
+    "repository": repository,
+    "contact": contact,
+    "bent": bent,
+    "short_recording": short_recording,
+    "recordings": recordings,
+    "study": study,
+    "answers": answers,
 }

@@ -1,4 +1,4 @@
-"""The quality of service of every ROS 2 topic; a test keeps docs/how_to/bridges.md consistent with it."""
+"""The quality of service of every ROS 2 topic; a test keeps docs/reference/bridges.md consistent with it."""
 
 from typing import NamedTuple
 

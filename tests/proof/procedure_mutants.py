@@ -1,6 +1,6 @@
 """Mutate every number and order of the shipped procedures once, and explain each mutant that `check` accepts.
 
-`make procedure-mutants` prints the table of docs/reference/procedures.md: mutants of each sort, the share that is refused or
+`make procedure-mutants` prints the table of docs/explanation/rules.md: mutants of each sort, the share that is refused or
 violates a claim, and why the others are accepted.
 """
 

@@ -13,8 +13,8 @@ from haptigraph.ros2.types import String
 
 
 def documented():
-    """The rows of the table in docs/how_to/bridges.md."""
-    text = (ROOT / "docs" / "how_to" / "bridges.md").read_text()
+    """The rows of the table in docs/reference/bridges.md."""
+    text = (ROOT / "docs/reference/bridges.md").read_text()
     table = text.partition("**Quality of service.**")[2].partition("**Who finds whom.**")[0]
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")]

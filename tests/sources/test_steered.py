@@ -180,7 +180,7 @@ def test_a_note_says_how_to_steer(uri, quick_uri):
 
 
 def test_the_program_in_the_docs_steers(name):
-    text = (ROOT / "docs" / "how_to" / "teleoperation.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/how_to/teleoperation.md").read_text(encoding="utf-8")
     (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names: dict = {}
     exec(program.replace("align_then_approach", name), names)

@@ -1,4 +1,4 @@
-"""The messages between page and server, and their encoding; see docs/how_to/dashboard.md."""
+"""The messages between page and server, and their encoding; see docs/reference/pages.md."""
 
 from typing import Annotated, Any, TypeAlias
 

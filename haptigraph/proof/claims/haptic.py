@@ -1,7 +1,7 @@
 """Claims about touch: every pattern is felt, and an alarm at once, strongest, repeated and unlike all else.
 
 Turns the kinds of a procedure's states and its haptic grammar into claims. Limits and their sources are in
-docs/reference/procedures.md.
+docs/explanation/rules.md.
 """
 
 from collections.abc import Iterator

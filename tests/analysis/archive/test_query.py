@@ -57,7 +57,7 @@ def test_columns_say_unit_and_meaning_of_every_column(archive):
 
 
 def test_the_documentation_lists_the_columns():
-    text = (ROOT / "docs" / "how_to" / "archive.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/how_to/archive.md").read_text(encoding="utf-8")
     lines = {
         name: next(line for line in text.splitlines() if line.startswith(f"| `{name}`"))
         for name in ("runs", "steps")

@@ -170,7 +170,7 @@ def test_the_state_shown_is_the_state_recorded(quick_uri, open_page, tmp_path):
 
 @pytest.mark.slow
 def test_another_procedure_is_drawn(quick_uri, open_page, tmp_path):
-    docs = (ROOT / "docs" / "reference" / "procedures.md").read_text(encoding="utf-8")
+    docs = (ROOT / "docs/reference/procedures.md").read_text(encoding="utf-8")
     (text,) = [block for block in re.findall(r"```toml\n(.*?)```", docs, re.DOTALL) if "[procedure]" in block]
     procedure = tmp_path / "other.toml"
     procedure.write_text(text)
