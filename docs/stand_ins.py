@@ -4,6 +4,7 @@ A page names them in `<!-- given NAME -->`. Each is as real as this machine allo
 file, the board answers Firmata at a pseudo-terminal.
 """
 
+import shutil
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -51,6 +52,12 @@ def recording(folder: Path) -> StandIn:
     return StandIn()
 
 
+def small_recording(folder: Path) -> StandIn:
+    """A recorded run of the phantom with small images, run.mcap: 117 steps."""
+    shutil.copy(ROOT / "tests/replay/golden/wrong_place_then_hit.mcap", folder / "run.mcap")
+    return StandIn()
+
+
 def arduino(folder: Path) -> StandIn:
     """A board with StandardFirmata at /dev/ttyACM0: it answers as the sketch does, at a pseudo-terminal."""
     board = Board(folder / ".ttyACM0")
@@ -60,5 +67,6 @@ def arduino(folder: Path) -> StandIn:
 STAND_INS: dict[str, Callable[[Path], StandIn]] = {
     "clip": clip,
     "recording": recording,
+    "small_recording": small_recording,
     "arduino": arduino,
 }
