@@ -50,14 +50,14 @@ def _overview(group: click.Group, path: str) -> str:
     tasks = group._tasks if isinstance(group, TaskGroup) else {"": tuple(group.commands)}
     lines = []
     for task, names in tasks.items():
-        lines += [f"\n**{task}**\n" if task else "", "| command | |", "|---|---|"]
+        lines += [f"\n**{task}**\n" if task else "", "| `haptigraph` | |", "|---|---|"]
         for name in names:
             lines += _rows(group.commands[name], f"{path} {name}")
     return "\n".join(lines) + "\n"
 
 
 def _rows(command: click.Command, path: str) -> Iterator[str]:
-    yield f"| [`{path}`](#{path.replace(' ', '-')}) | {_inline(command.get_short_help_str(1000))} |"
+    yield f"| [`{path.removeprefix('haptigraph ')}`](#{path.replace(' ', '-')}) | {_inline(command.get_short_help_str(1000))} |"
     if isinstance(command, click.Group):
         for name in command.list_commands(_context(command, path)):
             yield from _rows(command.commands[name], f"{path} {name}")
@@ -113,15 +113,11 @@ def settings() -> str:
     parts = []
     for table in msgspec.structs.fields(Config):
         struct: Any = table.type
-        parts += [
-            f"## `[{table.name}]`\n\n{_inline(struct.__doc__)}\n\n| key | default | unit, range | |\n|---|---|---|---|"
-        ]
+        parts.append(f"## `[{table.name}]`\n\n{_inline(struct.__doc__)}\n")
         for field in msgspec.structs.fields(struct):
+            about = ", ".join(filter(None, [f"default {_default(field.default)}", _range(field)]))
             meaning = _inline(" ".join(said[(struct.__name__, field.name)]))
-            parts.append(
-                f"| `{table.name}.{field.name}` | {_default(field.default)} | {_range(field)} | {meaning} |"
-            )
-        parts.append("")
+            parts.append(f"`{table.name}.{field.name}` ({about})\n: {meaning}\n")
     return "\n".join(parts)
 
 
@@ -130,7 +126,8 @@ def _default(value: object) -> str:
         return "unset"
     if value in ("", ()):
         return "empty"
-    return f"`{str(value).lower() if isinstance(value, bool) else f'{value:g}' if isinstance(value, float) else value}`"
+    text = f"{value:g}" if isinstance(value, float) else str(value)
+    return f"`{text.lower() if isinstance(value, bool) else text}`"
 
 
 def _range(field: Any) -> str:

@@ -50,7 +50,7 @@ def low_passed(samples: Floats, rate_hz: float, cutoff_hz: float = SMOOTH_HZ) ->
 
 
 def path_length(positions: Floats) -> float:
-    """Return the length of a path, summed from one position to the next, in the unit of its positions (n, 2)."""
+    """Return the length of the path through positions (n, 2), in their unit."""
     return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
 
