@@ -1,4 +1,4 @@
-"""Parts of pages that the software itself states: its commands, its settings, how to cite it. Sphinx puts them in.
+"""Parts of pages that the software states: commands, settings, how to cite it. Sphinx puts them in.
 
 A page has `<!-- generated: NAME -->` where the part belongs.
 """
@@ -47,7 +47,7 @@ def _context(command: click.Command, name: str) -> click.Context:
 
 def _overview(group: click.Group, path: str) -> str:
     """Return the commands of a group and of the groups in it, one a row."""
-    tasks = group._tasks if isinstance(group, TaskGroup) else {"": tuple(group.commands)}
+    tasks = group.tasks if isinstance(group, TaskGroup) else {"": tuple(group.commands)}
     lines = []
     for task, names in tasks.items():
         lines += [f"\n**{task}**\n" if task else "", "| `haptigraph` | |", "|---|---|"]
@@ -57,7 +57,8 @@ def _overview(group: click.Group, path: str) -> str:
 
 
 def _rows(command: click.Command, path: str) -> Iterator[str]:
-    yield f"| [`{path.removeprefix('haptigraph ')}`](#{path.replace(' ', '-')}) | {_inline(command.get_short_help_str(1000))} |"
+    name, anchor = path.removeprefix("haptigraph "), path.replace(" ", "-")
+    yield f"| [`{name}`](#{anchor}) | {_inline(command.get_short_help_str(1000))} |"
     if isinstance(command, click.Group):
         for name in command.list_commands(_context(command, path)):
             yield from _rows(command.commands[name], f"{path} {name}")

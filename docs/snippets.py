@@ -167,7 +167,11 @@ def run(example: Example, command: str, shown: str, code: int, until: str | None
     for name, real in replaced.items():
         command = command.replace(name, real)
     process = subprocess.Popen(
-        ["bash", "-c", f"source .state 2>/dev/null; {command}\n_code=$?; pwd > .cwd; exit $_code"],
+        [
+            "bash",
+            "-c",
+            f"source .state 2>/dev/null; {command}\n_code=$?; pwd > {shlex.quote(str(folder))}/.cwd; exit $_code",
+        ],
         cwd=folder,
         env=ENVIRONMENT,
         stdout=subprocess.PIPE,

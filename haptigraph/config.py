@@ -105,8 +105,8 @@ class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
     own (docs/how_to/own_classes.md)."""
     model: str = ""
     """TOML file of the segmentation's ONNX model (docs/explanation/segmentation.md); empty: the one that
-    ships with haptigraph. Of `volume`: .npz file of an instrument that `register --volumes` learned; empty: any
-    needle over a retina."""
+    ships with haptigraph. Of `volume`: .npz file of an instrument that `register --volumes` learned; empty:
+    any needle over a retina."""
     polarity: Literal["dark", "bright", "auto"] = "auto"
     """Whether the needle is darker or brighter than the background."""
     block_size_px: Annotated[int, Meta(ge=3, le=501)] = 51
