@@ -4,6 +4,7 @@ Nothing is read from the environment. `assemble` turns the names in it into clas
 """
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
 
@@ -244,7 +245,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
         return replace(self, source=replace(self.source, depth=True))
 
 
-def load_config(path: str | Path | None = None, settings: tuple[str, ...] = ()) -> Config:
+def load_config(path: str | Path | None = None, settings: Sequence[str] = ()) -> Config:
     """Read a configuration.
 
     Args:
