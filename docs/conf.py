@@ -28,7 +28,12 @@ extensions = [
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["sg_execution_times.rst", "**/sg_execution_times.rst", "gallery/*.ipynb", "gallery/*.json"]
+exclude_patterns = [
+    "sg_execution_times.rst",
+    "**/sg_execution_times.rst",
+    "gallery/*.ipynb",
+    "gallery/*.json",
+]
 nitpicky = False
 
 myst_enable_extensions = ["colon_fence", "deflist", "substitution", "attrs_inline"]
