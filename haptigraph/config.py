@@ -152,10 +152,10 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
     (docs/reference/conventions.md#what-is-assumed)."""
     weakest_amplitude: Annotated[float, Meta(gt=0, le=1)] | None = None
     """Amplitude of the procedure's weakest vibration; the strongest keeps its own, the others lie in between.
-    A calibration sets it (docs/how_to/study.md#calibrated-hands). Unset: as in the procedure."""
+    A calibration sets it (docs/how_to/study.md). Unset: as in the procedure."""
     sham_seed: Annotated[int, Meta(ge=0, le=2**53)] | None = None
     """Seed of a sham: vibration at random times, whatever the state, which warns of nothing
-    (docs/how_to/study.md#sham); unset: none."""
+    (docs/how_to/study.md); unset: none."""
     sham_duty: Annotated[float, Meta(gt=0, lt=1)] = 0.5
     """Expected share of the time that a sham vibrates."""
 
@@ -218,7 +218,7 @@ class TrialConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Initial phase, if the procedure has phases (docs/reference/procedures.md#phases); empty: its first."""
     touch_output: str = ""
     """Outputs whose test pulse the participant felt, joined by " + "; set by `study run`
-    (docs/how_to/study.md#haptic-feedback-that-was-felt)."""
+    (docs/how_to/study.md)."""
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True):
