@@ -11,6 +11,7 @@ pytest.importorskip("sphinx", reason="needs the packages of `make docs`")
 
 from generated import PARTS, citation, commands, settings
 
+import haptigraph
 from haptigraph.cli import main
 from haptigraph.config import Config
 
@@ -48,3 +49,9 @@ def test_links_of_the_lists_exist():
 
 def test_the_citation_is_that_of_the_repository():
     assert "author    = {Arbabi, Danial and " in citation()
+
+
+def test_every_public_name_is_on_a_page():
+    pages = "".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs/reference/api").glob("*.md"))
+    for name in set(haptigraph.__all__) - {"__version__"}:
+        assert re.search(rf"^\.\. auto\w+:: haptigraph\.(\w+\.)*{name}$", pages, re.MULTILINE), name
