@@ -102,12 +102,12 @@ suppress_warnings = ["config.cache"]  # sphinx_gallery_conf has a key that canno
 def _shorten_signature(
     _app: Sphinx, what: str, _name: str, item: Any, _options: Any, signature: str | None, returns: str | None
 ) -> tuple[str | None, str | None] | None:
-    """Leave types out of the signature of a message: they stand beside its fields."""
+    """Leave types out of the signature of a message: they stand beside its fields. A Protocol has none."""
     if what == "class" and issubclass(item, msgspec.Struct):
         fields = msgspec.structs.fields(item)
         shown = [f.name if f.required else f"{f.name}={_default(f)}" for f in fields]
         return f"({', '.join(shown)})", None
-    return signature, returns
+    return ("", None) if getattr(item, "_is_protocol", False) else (signature, returns)
 
 
 def _default(field: msgspec.structs.FieldInfo) -> str:
