@@ -251,7 +251,7 @@ docs-snippets: $(VENV)/docs  ## run the commands and programs of all pages, or o
 docs-site: $(VENV)/docs  # with its notebooks and gallery
 	rm -rf build/docs
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet --doctree-dir build/doctrees docs build/docs
-	$(BIN)/python docs/outside.py build/docs
+	$(BIN)/python docs/outside.py build/docs --browser
 
 $(VENV)/docs: $(VENV)/ready requirements-docs.lock
 	$(call INSTALL,requirements-docs.lock)

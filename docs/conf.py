@@ -3,10 +3,14 @@
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
+
+import msgspec
+from sphinx.application import Sphinx
 
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(DOCS)]
 
 from haptigraph.version import __version__  # noqa: E402
 
@@ -16,15 +20,20 @@ project_copyright = f"2026, {author}"
 version = release = __version__
 
 extensions = [
+    "generated",
     "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
-    "sphinx_click",
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["**/sg_execution_times.rst", "gallery/*.ipynb", "gallery/*.json"]
+exclude_patterns = [
+    "sg_execution_times.rst",
+    "**/sg_execution_times.rst",
+    "gallery/*.ipynb",
+    "gallery/*.json",
+]
 nitpicky = False
 
 myst_enable_extensions = ["colon_fence", "deflist", "substitution", "attrs_inline"]
@@ -39,13 +48,16 @@ nb_execution_timeout = 300
 nb_ipywidgets_js: dict = {}  # widgets would be loaded from a CDN
 nb_merge_streams = True
 
-autodoc_typehints = "description"
+autodoc_typehints = "signature"
+maximum_signature_line_length = 90
+default_role = "py:obj"  # `names` in docstrings: code, and links where the site has them
 autodoc_typehints_format = "short"
 autodoc_member_order = "bysource"
 autodoc_mock_imports: list[str] = []
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 add_module_names = False
+toc_object_entries_show_parents = "hide"
 
 sphinx_gallery_conf = {
     "examples_dirs": str(ROOT / "examples" / "gallery"),
@@ -85,3 +97,36 @@ html_theme_options = {
     "pygments_dark_style": "monokai",
 }
 suppress_warnings = ["config.cache"]  # sphinx_gallery_conf has a key that cannot be pickled
+
+
+def _shorten_signature(
+    _app: Sphinx, what: str, _name: str, item: Any, _options: Any, signature: str | None, returns: str | None
+) -> tuple[str | None, str | None] | None:
+    """Leave types out of the signature of a message: they stand beside its fields. A Protocol has none."""
+    if what == "class" and issubclass(item, msgspec.Struct):
+        fields = msgspec.structs.fields(item)
+        shown = [f.name if f.required else f"{f.name}={_default(f)}" for f in fields]
+        return f"({', '.join(shown)})", None
+    return ("", None) if getattr(item, "_is_protocol", False) else (signature, returns)
+
+
+def _default(field: msgspec.structs.FieldInfo) -> str:
+    if field.default_factory is not msgspec.NODEFAULT:
+        return f"{getattr(field.default_factory, '__name__', 'default')}()".replace("<lambda>()", "...")
+    return (
+        f"{type(field.default).__name__}()"
+        if isinstance(field.default, msgspec.Struct)
+        else repr(field.default)
+    )
+
+
+def _keep_colon(_app: Sphinx, what: str, _name: str, _item: Any, _options: Any, lines: list[str]) -> None:
+    """Keep napoleon from taking what precedes a colon in a field's docstring for its type."""
+    if what in ("attribute", "data", "property") and lines and ":" in lines[0]:
+        lines.insert(0, "")
+
+
+def setup(app: Sphinx) -> None:
+    """Connect the two above."""
+    app.connect("autodoc-process-signature", _shorten_signature)
+    app.connect("autodoc-process-docstring", _keep_colon, priority=1)

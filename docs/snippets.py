@@ -169,8 +169,9 @@ def run(example: Example, command: str, shown: str, code: int, until: str | None
     folder = example.namespace["_folder"]
     for name, real in replaced.items():
         command = command.replace(name, real)
+    kept = shlex.quote(str(folder / ".cwd"))  # the command may have left the folder
     process = subprocess.Popen(
-        ["bash", "-c", f"source .state 2>/dev/null; {command}\n_code=$?; pwd > .cwd; exit $_code"],
+        ["bash", "-c", f"source .state 2>/dev/null; {command}\n_code=$?; pwd > {kept}; exit $_code"],
         cwd=folder,
         env=ENVIRONMENT,
         stdout=subprocess.PIPE,

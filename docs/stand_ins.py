@@ -87,6 +87,12 @@ def recording(folder: Path) -> StandIn:
     return StandIn()
 
 
+def small_recording(folder: Path) -> StandIn:
+    """A recorded run of the phantom with small images, run.mcap: 117 steps."""
+    shutil.copy(ROOT / "tests/replay/golden/wrong_place_then_hit.mcap", folder / "run.mcap")
+    return StandIn()
+
+
 def arduino(folder: Path) -> StandIn:
     """A board with StandardFirmata at /dev/ttyACM0: it answers as the sketch does, at a pseudo-terminal."""
     board = Board(folder / ".ttyACM0")
@@ -300,6 +306,7 @@ def answers(folder: Path) -> StandIn:
 STAND_INS: dict[str, Callable[[Path], StandIn]] = {
     "clip": clip,
     "recording": recording,
+    "small_recording": small_recording,
     "arduino": arduino,
     "driver_chip": driver_chip,
     "driver_chips": driver_chips,

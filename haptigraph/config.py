@@ -4,6 +4,7 @@ Nothing is read from the environment. `assemble` turns the names in it into clas
 """
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
 
@@ -39,9 +40,9 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Where images come from."""
 
     uri: str = "phantom:align_then_approach"
-    """phantom:SCENARIO, teleop:SCENARIO (steered by you), camera:N, realsense[:SERIAL], ros2:TOPIC, or the
-    path of a video, a DICOM file, a folder of images, or a recording, also one of the RealSense SDK; or
-    MODULE:CLASS[:ARGUMENT] of your own."""
+    """phantom:SCENARIO, teleop[:SCENARIO] (steered by you), camera:N, realsense[:SERIAL], ros2:TOPIC,
+    rosbag:PATH, oct:PATH, or the path of a video, a DICOM file, a folder of images, or a recording, also one
+    of the RealSense SDK; or MODULE:CLASS[:ARGUMENT] of your own (docs/how_to/sources.md)."""
     registration: str = ""
     """Path of the registration; empty: the source's own."""
     jpeg_quality: Annotated[int, Meta(ge=0, le=100)] = 90
@@ -56,20 +57,22 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     fourcc: Annotated[str, Meta(pattern="^([A-Za-z0-9]{4})?$")] = "MJPG"
     """Pixel format to request from camera:N, four letters; empty: the driver's default."""
     target_mm: Annotated[float, Meta(ge=-40, le=40)] | None = None
-    """Position of the target along the retina from its lowest point, positive to the right; unset: as
-    registered."""
+    """Position of the target along the retina from its lowest point, positive to the surgeon's right; unset:
+    as registered."""
     loop: bool = False
     """Whether the phantom restarts its scenario when it ends."""
     axial_mm_per_px: Positive | None = None
-    """Pixel height of oct:PATH; unset: as the file states."""
+    """Pixel height of oct:PATH; unset: as the file states (docs/how_to/oct_sources.md)."""
     lateral_mm_per_px: Positive | None = None
     """Pixel width of oct:PATH; unset: as the file states."""
     rotate_deg: Rotation = 0
-    """Clockwise rotation of every image of a camera or file, so that the eye is upright."""
+    """Clockwise rotation of every image of a camera or file, so that the eye is upright
+    (docs/reference/conventions.md#upright)."""
     mirror: bool = False
     """Whether left and right of every image are exchanged, after the rotation."""
     depth: bool | None = None
-    """Whether realsense[:SERIAL] reads depth images, too; unset: if the registration has [depth]."""
+    """Whether realsense[:SERIAL] reads depth images, too (docs/explanation/depth.md); unset: if the
+    registration has [depth]."""
     crop_px: Box | None = None
     """Region of interest: left, top, width, height; unset: the whole image."""
     bits: Annotated[int, Meta(ge=0, le=16)] = 0
@@ -77,7 +80,8 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     volume_as_sequence: bool = False
     """Whether a volume is played as if its B-scans were a time series of one position."""
     slice_mm: Positive | None = None
-    """Distance between the B-scans of a volume of oct:PATH; unset: as the file states."""
+    """Distance between the B-scans of a volume of oct:PATH (docs/explanation/oct_volumes.md); unset: as the
+    file states."""
     volume_axes: Literal["slices,rows,columns", "rows,slices,columns", "rows,columns,slices"] = (
         "slices,rows,columns"
     )
@@ -98,10 +102,12 @@ class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
 
     perceiver: str = "auto"
     """tracker, forceps, bscan, segmentation, volume, or threshold (the paper's method, for which most of the
-    settings here are); auto: the one that finds the procedure's entities; or MODULE:CLASS of your own."""
+    settings here are); auto: the one that reports most of the procedure's entities; or MODULE:CLASS of your
+    own (docs/how_to/own_classes.md)."""
     model: str = ""
-    """TOML file of the segmentation's ONNX model; empty: the one that ships with haptigraph. Of `volume`: the
-    .npz file of an instrument that `register --volumes` learned; empty: any needle over a retina."""
+    """TOML file of the segmentation's ONNX model (docs/explanation/segmentation.md); empty: the one that
+    ships with haptigraph. Of `volume`: .npz file of an instrument that `register --volumes` learned; empty:
+    any needle over a retina."""
     polarity: Literal["dark", "bright", "auto"] = "auto"
     """Whether the needle is darker or brighter than the background."""
     block_size_px: Annotated[int, Meta(ge=3, le=501)] = 51
@@ -112,7 +118,8 @@ class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Weight of the new image in the moving average; 1: no smoothing."""
     needle_mm: tuple[NeedleMm, NeedleMm, TaperMm] | None = None
     """Diameters of the needle at its tip and of its shaft, and length of the taper between them; unset: its
-    width is measured in the image. Depth is that of its surface, so the tip's z depends on them."""
+    width is measured in the image. Depth is that of its surface, so the tip's z depends on them
+    (docs/explanation/depth.md)."""
 
     def __post_init__(self) -> None:
         if self.block_size_px % 2 == 0:
@@ -124,12 +131,13 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
 
     device: str = "console"
     """console, trace:FILE.csv, audio[:FILE.wav], gamepad:N, serial:PORT?pin=N, drv2605:PORT?motor=lra,
-    ros2[:TOPIC], or MODULE:CLASS[:ARGUMENT] of your own."""
+    ros2[:TOPIC], or MODULE:CLASS[:ARGUMENT] of your own (docs/how_to/devices.md)."""
     force: str = ""
     """Device that pushes the hand, and is moved by it to steer: inverse3[:HOST:PORT], crtk:NAMESPACE,
-    forcedimension[:N] or simulated; empty: none."""
+    forcedimension[:N] or simulated (docs/how_to/force_devices.md); empty: none."""
     profile: str = ""
-    """Path of the device's profile (TOML), which has the drive for every amplitude; empty: they are equal."""
+    """Path of the device's profile (TOML), which has the drive for every amplitude; empty: they are equal
+    (docs/how_to/devices.md#how-strong-it-feels-profiles)."""
     max_amplitude: Annotated[float, Meta(ge=0, le=1)] = 1.0
     """Limit of what the device is set to: of the drive, if there is a profile. 0: nothing vibrates, and no
     force is exerted."""
@@ -138,13 +146,16 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
     max_on_ms: UpToADayMs = 60_000.0
     """Longest vibration without a pause; then it pauses for `rest_ms`."""
     rest_ms: UpToADayMs = 500.0
+    """Duration of that pause."""
     accept_assumed: bool = False
-    """Whether the device may vibrate although the registration assumes positions that nobody measured."""
+    """Whether the device may vibrate although the registration assumes positions that nobody measured
+    (docs/reference/conventions.md#what-is-assumed)."""
     weakest_amplitude: Annotated[float, Meta(gt=0, le=1)] | None = None
     """Amplitude of the procedure's weakest vibration; the strongest keeps its own, the others lie in between.
-    Unset: as in the procedure."""
+    A calibration sets it (docs/how_to/study.md). Unset: as in the procedure."""
     sham_seed: Annotated[int, Meta(ge=0, le=2**53)] | None = None
-    """Seed of a sham: vibration at random times, whatever the state, which warns of nothing; unset: none."""
+    """Seed of a sham: vibration at random times, whatever the state, which warns of nothing
+    (docs/how_to/study.md); unset: none."""
     sham_duty: Annotated[float, Meta(gt=0, lt=1)] = 0.5
     """Expected share of the time that a sham vibrates."""
 
@@ -164,10 +175,11 @@ class RunConfig(Struct, frozen=True, forbid_unknown_fields=True):
     stale_ms: Annotated[float, Meta(ge=1, le=60_000)] = 100.0
     """The needle counts as lost after this time without a new image."""
     leader: str = ""
-    """What steers teleop:SCENARIO or a robot: gamepad:N, keys, joy[:TOPIC] or crtk:NAMESPACE; empty: only the
-    live page."""
+    """What steers teleop:SCENARIO or a robot: gamepad:N, keys, joy[:TOPIC] or crtk:NAMESPACE
+    (docs/how_to/teleoperation.md#leaders); empty: only the live page."""
     bridges: tuple[str, ...] = ()
-    """Where the run is published live: ros2[:NAMESPACE], openigtlink[:PORT], lsl, foxglove[:PORT]."""
+    """Where the run is published live: ros2[:NAMESPACE], openigtlink[:PORT], lsl, foxglove[:PORT]
+    (docs/how_to/bridges.md)."""
 
 
 class RecordingConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -176,18 +188,19 @@ class RecordingConfig(Struct, frozen=True, forbid_unknown_fields=True):
     path: str = ""
     """MCAP file to write; empty: none."""
     store_video: bool = True
-    """Store a video file once, instead of each of its images as PNG, where that takes less space."""
+    """Whether a video file is stored once, instead of each of its images as PNG, where that takes less space
+    (docs/reference/recordings.md#videos)."""
 
 
 class RobotConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """The robot that holds the instrument. A run reads it, and moves it only if `steer` is set."""
 
     uri: str = ""
-    """crtk:NAMESPACE, servo:NODE or simulated; empty: none."""
+    """crtk:NAMESPACE, servo:NODE or simulated (docs/how_to/robots.md); empty: none."""
     setup: str = ""
     """Path of robot.toml, which says where the eye is; empty: the robot's tip is recorded, not compared."""
     steer: bool = False
-    """Whether the live page may move it."""
+    """Whether the live page may move it; `live --steer` sets it."""
     latency_ms: Annotated[float, Meta(ge=-5000, le=5000)] = 0.0
     """How much later than measured the robot stamps its poses, on the clock of the images (`sync-check`)."""
     timing_sd_ms: Annotated[float, Meta(ge=0, le=1000)] = 5.0
@@ -198,11 +211,14 @@ class TrialConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Participant and trial (pseudonyms only), stored in the recording."""
 
     participant: str = ""
+    """Pseudonym of the participant."""
     trial: str = ""
+    """Name of the trial."""
     phase: str = ""
-    """Initial phase, if the procedure has phases; empty: its first."""
+    """Initial phase, if the procedure has phases (docs/reference/procedures.md#phases); empty: its first."""
     touch_output: str = ""
-    """Outputs whose test pulse the participant felt, joined by " + "; set by `study run`."""
+    """Outputs whose test pulse the participant felt, joined by " + "; set by `study run`
+    (docs/how_to/study.md)."""
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True):
@@ -229,7 +245,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
         return replace(self, source=replace(self.source, depth=True))
 
 
-def load_config(path: str | Path | None = None, settings: tuple[str, ...] = ()) -> Config:
+def load_config(path: str | Path | None = None, settings: Sequence[str] = ()) -> Config:
     """Read a configuration.
 
     Args:

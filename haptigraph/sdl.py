@@ -52,7 +52,7 @@ def controller_number(argument: str) -> int:
     """Return the number after "gamepad:"; 0, the first controller, if there is none.
 
     Raises:
-        BadInput: If it is no number.
+        BadInput: If it is not a number.
     """
     if argument and not argument.isdecimal():
         raise BadInput(f"gamepad:{argument} is not a controller; use gamepad:0 for the first one")

@@ -10,7 +10,6 @@ from paths import ROOT
 from haptigraph import assemble
 from haptigraph.analysis.plots.diagram import diagram_svg
 from haptigraph.analysis.plots.scenario_diagram import scenario_svg
-from haptigraph.config import Config
 from haptigraph.proof.prove import prove
 from haptigraph.recording.schema import TOPICS
 from haptigraph.registration.loading import parse_registration
@@ -78,13 +77,6 @@ def test_recordings_page_lists_every_topic():
     text = read("docs/reference/recordings.md")
     for topic in TOPICS:
         assert f"| `{topic.name}` | `{topic.schema}` | {topic.unit or '-'} | {topic.says} |" in text
-
-
-def test_conventions_page_lists_every_setting():
-    text = read("docs/reference/conventions.md")
-    for table in Config.__struct_fields__:
-        for key in getattr(Config(), table).__struct_fields__:
-            assert f"`{table}.{key}`" in text, f"{table}.{key}"
 
 
 def test_study_page_lists_every_protocol_key_and_measure():

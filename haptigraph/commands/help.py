@@ -25,17 +25,17 @@ class TaskGroup(click.Group):
 
     def __init__(self, *, tasks: Mapping[str, Sequence[str]], **arguments: Any) -> None:
         super().__init__(**arguments)
-        self._tasks = tasks
+        self.tasks = tasks
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the commands, in the order of the tasks."""
-        named = [name for names in self._tasks.values() for name in names]
+        named = [name for names in self.tasks.values() for name in names]
         return [*named, *(name for name in self.commands if name not in named)]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a section for each task."""
         width = max(map(len, self.commands))
-        for task, names in self._tasks.items():
+        for task, names in self.tasks.items():
             with formatter.section(task):
                 sentences = (self.commands[name].get_short_help_str(MAX_SENTENCE) for name in names)
                 formatter.write_dl(

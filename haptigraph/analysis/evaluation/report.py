@@ -77,7 +77,7 @@ def sweep_object(sweep: Sweep, held: Sequence[HeldDepth]) -> dict[str, Any]:
 
 
 def sweep_text(sweep: Sweep, held: Sequence[HeldDepth]) -> str:
-    """Return tables: scores by perceiver and difficulty, then the angle noise by depth."""
+    """Return tables: scores by perceiver and nuisance condition, then the angle noise by depth."""
     return "\n".join([*_score_lines(sweep), "", *_noise_lines(sweep, held)])
 
 
@@ -85,7 +85,7 @@ def _score_lines(sweep: Sweep) -> Iterator[str]:
     for perceiver, rows in sweep.scores().items():
         head = "".join(f"{name:>{width}}" for name, width in COLUMNS)
         yield f"{perceiver:19}{'images':>7}{head}"
-        for difficulty, scores in rows.items():
+        for condition, scores in rows.items():
             angle = scores["angle_error_deg"]
             cells = (
                 _percent(scores["detection_rate"]),
@@ -102,7 +102,7 @@ def _score_lines(sweep: Sweep) -> Iterator[str]:
                 "/".join(_number(value) for value in scores["tip_z"].values()),
             )
             line = "".join(f"{cell:>{width}}" for cell, (_, width) in zip(cells, COLUMNS, strict=True))
-            yield f"  {difficulty:17}{scores['images']:7}{line}"
+            yield f"  {condition:17}{scores['images']:7}{line}"
         yield ""
 
 

@@ -1,4 +1,4 @@
-"""Score perceivers on many random simulated scenes: the same images for all, results per difficulty.
+"""Score perceivers on many random simulated scenes: the same images for all, results per nuisance condition.
 
 Errors of angle and tip are measured in the image, so that a registration error does not count against the
 perceiver. States are compared only in scenes with a correct registration.
@@ -45,16 +45,16 @@ class Sweep(Struct, frozen=True):
     scenes: int
     seed: int
     errors: dict[str, dict[str, list[Errors]]] = field(default_factory=dict)
-    """For each scene, by perceiver and difficulty."""
+    """For each scene, by perceiver and nuisance condition."""
 
     def scores(self) -> dict[str, dict[str, dict[str, Any]]]:
-        """Return scores by perceiver and difficulty, "all" first."""
+        """Return scores by perceiver and nuisance condition, "all" first."""
         return {
             perceiver: {
-                ALL: pooled([errors for scenes in by_difficulty.values() for errors in scenes]),
-                **{name: pooled(scenes) for name, scenes in by_difficulty.items()},
+                ALL: pooled([errors for scenes in by_condition.values() for errors in scenes]),
+                **{name: pooled(scenes) for name, scenes in by_condition.items()},
             }
-            for perceiver, by_difficulty in self.errors.items()
+            for perceiver, by_condition in self.errors.items()
         }
 
 

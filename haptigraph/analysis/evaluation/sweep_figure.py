@@ -47,8 +47,8 @@ def sweep_figure(sweep: Sweep, held: Sequence[HeldDepth], output: str | Path) ->
     """
     figure = Figure(figsize=(15, 5.2), layout="constrained")
     angle, noise, tip = figure.subplots(1, 3)
-    for color, (perceiver, by_difficulty) in zip(COLORS, sweep.errors.items(), strict=False):
-        scenes = [errors for each in by_difficulty.values() for errors in each]
+    for color, (perceiver, by_condition) in zip(COLORS, sweep.errors.items(), strict=False):
+        scenes = [errors for each in by_condition.values() for errors in each]
         _draw_errors(angle, perceiver, color, [pair for errors in scenes for pair in errors.angles_deg])
         _draw_errors(tip, perceiver, color, [pair for errors in scenes for pair in errors.tips_px])
         _draw_noise(noise, perceiver, color, held)

@@ -59,7 +59,7 @@ def _number(value: float | None, unit: str) -> str:
 
 
 def _claim(result: ClaimResult | None) -> str:
-    """Return how a claim held; one that was never put to the test is not kept."""
+    """Return how a claim held; one that was not exercised is not kept."""
     if result is None:
         return NONE
     if result.broken:

@@ -50,12 +50,12 @@ def low_passed(samples: Floats, rate_hz: float, cutoff_hz: float = SMOOTH_HZ) ->
 
 
 def path_length(positions: Floats) -> float:
-    """Return the length of a path, sum of |x_i+1 - x_i|, in the unit of its positions (n, 2)."""
+    """Return the length of the path through positions (n, 2), in their unit."""
     return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
 
 def speed(positions: Floats, rate_hz: float) -> Floats:
-    """Return the speed |dx/dt| (n,) at positions (n, 2), by central differences."""
+    """Return the speed (n,) at positions (n, 2), by central differences."""
     velocity: Floats = np.gradient(positions, 1 / rate_hz, axis=0)
     speeds: Floats = np.linalg.norm(velocity, axis=1)
     return speeds
@@ -90,7 +90,7 @@ def sparc(speeds: Floats, rate_hz: float) -> float | None:
 def log_dimensionless_jerk(speeds: Floats, rate_hz: float) -> float | None:
     """Return the log dimensionless jerk of a movement; None if nothing moved.
 
-    LDLJ = -ln((T^3 / v_peak^2) integral |d^2v/dt^2|^2 dt), T the duration, v the speed. Balasubramanian et
+    LDLJ = -ln((T^3 / v_peak^2) integral (d^2v/dt^2)^2 dt), T the duration, v the speed. Balasubramanian et
     al. 2015, as `sparc`; second differences as in the authors' program.
 
     Args:

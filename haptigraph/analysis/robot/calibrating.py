@@ -62,7 +62,7 @@ def read_points(path: str | Path) -> TouchedPoints:
     The last three are left out of a file whose points are to be touched.
 
     Raises:
-        BadInput: If it cannot be read, a column is missing, or a cell is no number.
+        BadInput: If it cannot be read, a column is missing, or a cell is not a number.
     """
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as file:

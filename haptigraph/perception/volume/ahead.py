@@ -90,7 +90,7 @@ class TipAhead:
         tip_sd_mm: Floats,
         surface: HeightMap | None,
     ) -> Ahead | None:
-        """Take in one volume; return the prediction for the end of its output, None if it is too uncertain.
+        """Process one volume; return the prediction for the end of its output, None if it is too uncertain.
 
         Args:
             stamp_ns: Stamp of the volume.
@@ -141,7 +141,7 @@ class TipAhead:
             axis.measure(float(at), sd)
 
     def _measure_retina(self, surface: HeightMap, before: HeightMap) -> None:
-        """Take in how far the surface moved below the tip since the volume before."""
+        """Add how far the surface moved below the tip since the volume before."""
         x, z = np.array(self._tip[0].place), np.array(self._tip[2].place)
         self._moved_mm += float(surface.at(x, z) - before.at(x, z))
         settings = self.settings
@@ -193,7 +193,7 @@ class _Axis:
         return abs(at_mm - float(self._state[0])) / math.sqrt(float(self._cov[0, 0]) + sd_mm**2)
 
     def measure(self, at_mm: float, sd_mm: float) -> None:
-        """Take in a measurement."""
+        """Add a measurement."""
         gain = self._cov[:, 0] / (self._cov[0, 0] + sd_mm**2)
         self._state = self._state + gain * (at_mm - self._state[0])
         self._cov = self._cov - np.outer(gain, self._cov[0])

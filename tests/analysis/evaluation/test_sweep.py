@@ -78,7 +78,7 @@ HELD = [
 ]
 
 
-def test_every_difficulty_is_scored_and_all_are_pooled(swept):
+def test_every_condition_is_scored_and_all_are_pooled(swept):
     scores = swept.scores()
     assert list(scores) == ["threshold", "certain", "blind"]
     for rows in scores.values():
@@ -147,7 +147,7 @@ def test_available_perceivers_are_compared(monkeypatch):
     assert perceivers_to_compare() == ["threshold", "tracker"]
 
 
-def test_the_object_is_json_and_the_text_has_a_line_per_difficulty(swept):
+def test_the_object_is_json_and_the_text_has_a_line_per_condition(swept):
     decoded = json.loads(msgspec.json.encode(sweep_object(swept, HELD)))
     assert set(decoded) == {"scenes", "seed", "perceivers", "angle_noise"}
     bounds = decoded["angle_noise"][0]["bound_deg"]
