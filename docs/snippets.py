@@ -9,7 +9,8 @@
 A comment directly above a block says more, several things separated by `;`:
 
     <!-- file NAME -->         the block is a file of that folder; `append NAME` adds to it
-    <!-- change NAME -->       the block is a diff of that file; `undo NAME` takes the last change back first
+    <!-- change NAME -->       the block is a diff of that file
+    <!-- undo NAME -->         the last change of that file is taken back before the block
     <!-- exit CODE -->         the last command ends with that code
     <!-- until TEXT -->        the last command runs until it prints TEXT, then gets Ctrl-C
     <!-- not run: REASON -->   commands are only checked: that they exist, with these options
@@ -85,6 +86,8 @@ def evaluate(example: Example) -> str | None:
         return check_commands(text) if language == "console" else None
     if "file" in directions or "append" in directions:
         write(folder / (directions.get("file") or directions["append"]), text, append="append" in directions)
+    if "undo" in directions:
+        undo(folder / directions["undo"])
     match language:
         case "console":
             return run_console(example, text, directions)
@@ -95,7 +98,7 @@ def evaluate(example: Example) -> str | None:
         case "json":
             json.loads(text)
         case "diff":
-            change(folder / directions["change"], text, undo="undo" in directions)
+            change(folder / directions["change"], text)
         case "text":
             pass
         case _:
@@ -123,15 +126,19 @@ def write(path: Path, text: str, *, append: bool) -> None:
     path.write_text(before + text, encoding="utf-8")
 
 
-def change(path: Path, diff: str, *, undo: bool) -> None:
+def change(path: Path, diff: str) -> None:
     """Replace lines of a file, keeping it as it was beside it."""
-    before = path.with_name(path.name + ".before")
-    text = (before if undo else path).read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8")
     old, new = ("\n".join(line[1:] for line in diff.splitlines() if line.startswith(sign)) for sign in "-+")
     if old not in text:
         raise AssertionError(f"{path.name} does not contain:\n{old}")
-    before.write_text(text, encoding="utf-8")
+    path.with_name(path.name + ".before").write_text(text, encoding="utf-8")
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+def undo(path: Path) -> None:
+    """Take the last change of a file back."""
+    path.with_name(path.name + ".before").replace(path)
 
 
 def commands_of(text: str) -> list[tuple[str, str]]:
