@@ -78,16 +78,9 @@ def evaluate(example: Example) -> str | None:
     language, text = example.parsed
     folder: Path = example.namespace["_folder"]
     directions = directions_before(example)
-    for name in directions.get("given", "").split():
-        stand_in = STAND_INS[name](folder)
-        example.namespace["_replaced"].update(stand_in.replaced)
-        example.namespace["_stop"].append(stand_in.stop)
     if "not run:" in directions:
         return check_commands(text) if language == "console" else None
-    if "file" in directions or "append" in directions:
-        write(folder / (directions.get("file") or directions["append"]), text, append="append" in directions)
-    if "undo" in directions:
-        undo(folder / directions["undo"])
+    prepare(example, directions, text)
     match language:
         case "console":
             return run_console(example, text, directions)
@@ -106,6 +99,19 @@ def evaluate(example: Example) -> str | None:
                 f"```{language}: say console, python, toml, json, diff or text, or <!-- not run: REASON -->"
             )
     return None
+
+
+def prepare(example: Example, directions: dict[str, str], text: str) -> None:
+    """Bring stand-ins and files into the state in which a block meets them."""
+    folder: Path = example.namespace["_folder"]
+    for name in directions.get("given", "").split():
+        stand_in = STAND_INS[name](folder)
+        example.namespace["_replaced"].update(stand_in.replaced)
+        example.namespace["_stop"].append(stand_in.stop)
+    if "file" in directions or "append" in directions:
+        write(folder / (directions.get("file") or directions["append"]), text, append="append" in directions)
+    if "undo" in directions:
+        undo(folder / directions["undo"])
 
 
 def directions_before(example: Example) -> dict[str, str]:

@@ -22,7 +22,6 @@ sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "support" 
 
 from firmata_board import Board  # noqa: E402 - in that folder
 
-
 CLIP = """
 [scenario]
 description = "The needle touches the retina beside the target, retracts, is aligned, and hits the target."
