@@ -9,11 +9,12 @@
 A comment directly above a block says more, several things separated by `;`:
 
     <!-- file NAME -->         the block is a file of that folder; `append NAME` adds to it
-    <!-- change NAME -->       the block is a diff of that file; `undo NAME` takes the last change back first
+    <!-- change NAME -->       the block is a diff of that file
+    <!-- undo NAME -->         the last change of that file is taken back before the block
     <!-- exit CODE -->         the last command ends with that code
     <!-- until TEXT -->        the last command runs until it prints TEXT, then gets Ctrl-C
     <!-- not run: REASON -->   commands are only checked: that they exist, with these options
-    <!-- given NAME -->        a stand-in for what a reader has (stand_ins.py), for the rest of the page
+    <!-- given NAME -->        a stand-in for what a reader has (stand_ins/), for the rest of the page
 """
 
 import ast
@@ -80,14 +81,9 @@ def evaluate(example: Example) -> str | None:
     language, text = example.parsed
     folder: Path = example.namespace["_folder"]
     directions = directions_before(example)
-    for name in directions.get("given", "").split():
-        stand_in = STAND_INS[name](folder)
-        example.namespace["_replaced"].update(stand_in.replaced)
-        example.namespace["_stop"].append(stand_in.stop)
     if "not run:" in directions:
         return check_commands(text) if language == "console" else None
-    if "file" in directions or "append" in directions:
-        write(folder / (directions.get("file") or directions["append"]), text, append="append" in directions)
+    prepare(example, directions, text)
     match language:
         case "console":
             return run_console(example, text, directions)
@@ -98,7 +94,7 @@ def evaluate(example: Example) -> str | None:
         case "json":
             json.loads(text)
         case "diff":
-            change(folder / directions["change"], text, undo="undo" in directions)
+            change(folder / directions["change"], text)
         case "text":
             pass
         case _:
@@ -106,6 +102,19 @@ def evaluate(example: Example) -> str | None:
                 f"```{language}: say console, python, toml, json, diff or text, or <!-- not run: REASON -->"
             )
     return None
+
+
+def prepare(example: Example, directions: dict[str, str], text: str) -> None:
+    """Bring stand-ins and files into the state in which a block meets them."""
+    folder: Path = example.namespace["_folder"]
+    for name in directions.get("given", "").split():
+        stand_in = STAND_INS[name](folder)
+        example.namespace["_replaced"].update(stand_in.replaced)
+        example.namespace["_stop"].append(stand_in.stop)
+    if "file" in directions or "append" in directions:
+        write(folder / (directions.get("file") or directions["append"]), text, append="append" in directions)
+    if "undo" in directions:
+        undo(folder / directions["undo"])
 
 
 def directions_before(example: Example) -> dict[str, str]:
@@ -126,15 +135,19 @@ def write(path: Path, text: str, *, append: bool) -> None:
     path.write_text(before + text, encoding="utf-8")
 
 
-def change(path: Path, diff: str, *, undo: bool) -> None:
+def change(path: Path, diff: str) -> None:
     """Replace lines of a file, keeping it as it was beside it."""
-    before = path.with_name(path.name + ".before")
-    text = (before if undo else path).read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8")
     old, new = ("\n".join(line[1:] for line in diff.splitlines() if line.startswith(sign)) for sign in "-+")
     if old not in text:
         raise AssertionError(f"{path.name} does not contain:\n{old}")
-    before.write_text(text, encoding="utf-8")
+    path.with_name(path.name + ".before").write_text(text, encoding="utf-8")
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+def undo(path: Path) -> None:
+    """Take the last change of a file back."""
+    path.with_name(path.name + ".before").replace(path)
 
 
 def commands_of(text: str) -> list[tuple[str, str]]:
