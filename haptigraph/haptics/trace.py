@@ -1,11 +1,13 @@
 """A file device: the time and value of every change of amplitude, and a plot of them."""
 
 import csv
+import warnings
 from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
 from typing import BinaryIO
 
-from haptigraph.errors import BadInput, DeviceError
+from haptigraph.errors import BadInput, DeviceError, MissingExtra, NotDrawn
 from haptigraph.messages import Capabilities
 
 __all__ = ["TraceDevice"]
@@ -15,6 +17,8 @@ DEFAULT = "touch.csv"
 
 class TraceDevice:
     """Write stamp_ns, amplitude, frequency_hz at every change; on close, plot the run next to the file.
+
+    Without Matplotlib there is no plot, as a warning says.
 
     Args:
         path: The CSV file to write; touch.csv if empty.
@@ -27,7 +31,7 @@ class TraceDevice:
         amplitude_levels=65535,
         frequency_range_hz=(0.0, 1000.0),
         shortest_on_ms=0.0,
-        limitations="Every command is written unchanged.",
+        limitations="Every command is written unchanged; the plot needs the extra figures.",
     )
 
     def __init__(self, path: str | Path) -> None:
@@ -53,6 +57,10 @@ class TraceDevice:
         except BaseException:
             self._discard()
             raise
+        self._plots = find_spec("matplotlib") is not None
+        if not self._plots:
+            missing = MissingExtra(f"{self._plot_path}, the plot of {self._path},", "figures")
+            warnings.warn(str(missing), NotDrawn, stacklevel=2)
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
         """Write one change."""
@@ -70,6 +78,8 @@ class TraceDevice:
             self._discard()
             return
         self._file.close()
+        if not self._plots:
+            return
         with self._plot_path.open("xb") as file:
             try:
                 self._plot(file)
@@ -83,7 +93,7 @@ class TraceDevice:
         self._path.unlink()
 
     def _plot(self, file: BinaryIO) -> None:
-        from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import, needed once
+        from haptigraph.figures import Figure  # noqa: PLC0415 - slow to import, needed once
 
         start_ns = self._rows[0][0]
         figure = Figure(figsize=(10, 2.2), layout="constrained")
