@@ -3,12 +3,14 @@
 import csv
 import warnings
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from haptigraph.errors import BadInput, DeviceError, MissingExtra, NotDrawn
 from haptigraph.messages import Capabilities
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["TraceDevice"]
 
@@ -57,10 +59,6 @@ class TraceDevice:
         except BaseException:
             self._discard()
             raise
-        self._plots = find_spec("matplotlib") is not None
-        if not self._plots:
-            missing = MissingExtra(f"{self._plot_path}, the plot of {self._path},", "figures")
-            warnings.warn(str(missing), NotDrawn, stacklevel=2)
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
         """Write one change."""
@@ -78,11 +76,15 @@ class TraceDevice:
             self._discard()
             return
         self._file.close()
-        if not self._plots:
+        try:
+            from haptigraph.figures import Figure  # noqa: PLC0415 - slow to import, needed once
+        except MissingExtra:
+            missing = MissingExtra(f"{self._plot_path}, the plot of {self._path},", "figures")
+            warnings.warn(str(missing), NotDrawn, stacklevel=2)
             return
         with self._plot_path.open("xb") as file:
             try:
-                self._plot(file)
+                self._plot(Figure(figsize=(10, 2.2), layout="constrained"), file)
             except BaseException:
                 self._plot_path.unlink()
                 raise
@@ -92,11 +94,8 @@ class TraceDevice:
             self._file.close()
         self._path.unlink()
 
-    def _plot(self, file: BinaryIO) -> None:
-        from haptigraph.figures import Figure  # noqa: PLC0415 - slow to import, needed once
-
+    def _plot(self, figure: "Figure", file: BinaryIO) -> None:
         start_ns = self._rows[0][0]
-        figure = Figure(figsize=(10, 2.2), layout="constrained")
         axes = figure.subplots()
         axes.fill_between(
             [(stamp_ns - start_ns) / 1e9 for stamp_ns, _ in self._rows],
