@@ -282,7 +282,7 @@ test-exports: setup  ## exports read by the libraries of LeRobot (CPython 3.11, 
 lock: setup  ## resolve the dependencies again
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.11,<1'
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
-	$(BIN)/uv pip compile pyproject.toml --group build --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-base.lock
+	$(BIN)/uv pip compile pyproject.toml --extra figures --group build --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-base.lock
 	$(BIN)/uv pip compile pyproject.toml --group docs --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-docs.lock
 
 clean:  ## remove all that make has made, environments included

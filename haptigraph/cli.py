@@ -37,10 +37,13 @@ from haptigraph.commands.studies.simulated import simulate, sweep
 from haptigraph.commands.study import study
 from haptigraph.commands.terminal import print_status
 from haptigraph.commands.touch import touch
-from haptigraph.errors import HaptigraphError, Implausible, RenamedKey
+from haptigraph.errors import HaptigraphError, Implausible, NotDrawn, RenamedKey
 from haptigraph.version import __version__
 
 __all__ = ["main"]
+
+WARNINGS = (RenamedKey, Implausible, NotDrawn)
+"""Whose message is a whole sentence for users."""
 
 
 class Commands(TaskGroup):
@@ -50,7 +53,7 @@ class Commands(TaskGroup):
         """Run the chosen command."""
         try:
             with warnings.catch_warnings():
-                for category in (RenamedKey, Implausible):
+                for category in WARNINGS:
                     warnings.simplefilter("once", category)
                 warnings.showwarning = _show_warning
                 return super().invoke(ctx)
@@ -69,7 +72,7 @@ class Commands(TaskGroup):
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
-    kind = "" if issubclass(category, RenamedKey | Implausible) else f"{category.__name__}: "
+    kind = "" if issubclass(category, WARNINGS) else f"{category.__name__}: "
     print_status(f"haptigraph: {kind}{message}")
 
 

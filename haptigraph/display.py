@@ -6,6 +6,7 @@ in the package calls these methods or uses what they return ([decision 0071] in 
 
 from typing import TYPE_CHECKING, Any
 
+from haptigraph.errors import MissingExtra
 from haptigraph.importing import load
 
 if TYPE_CHECKING:
@@ -50,8 +51,11 @@ class ShownAsSvg:
 
     __slots__ = ()
 
-    def _repr_svg_(self) -> str:
-        return str(view(type(self).__name__, self))
+    def _repr_svg_(self) -> str | None:
+        try:
+            return str(view(type(self).__name__, self))
+        except MissingExtra:
+            return None  # a notebook then shows the repr
 
 
 class ShownRun(ShownAsHtml):
@@ -86,6 +90,7 @@ class ShownRun(ShownAsHtml):
 
         Raises:
             BadInput: If the recording is damaged, or has no complete step.
+            MissingExtra: If Matplotlib is not installed.
         """
         figure: Figure = view("run figure", self)
         return figure

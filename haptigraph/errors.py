@@ -14,6 +14,7 @@ and exits with code 2.
     └── PerceiverBroken perception failed several times in a row (the run stops)
     EndOfSource         not an error: a file has no more images
     RenamedKey          a warning: a file uses a key's name from an earlier version
+    NotDrawn            a warning: a figure was left out, because drawing it needs an extra
     Implausible         a warning: a recorded procedure has a threshold that no eye allows
 """
 
@@ -30,6 +31,7 @@ __all__ = [
     "MissingExtra",
     "NeedsRegistration",
     "NotCompiled",
+    "NotDrawn",
     "NotSilent",
     "PerceiverBroken",
     "RenamedKey",
@@ -118,6 +120,10 @@ class RenamedKey(FutureWarning):
 
 class Implausible(UserWarning):
     """A procedure that nobody edits any more has thresholds that a new one would be refused for."""
+
+
+class NotDrawn(UserWarning):
+    """A figure was left out, because drawing it needs an extra."""
 
 
 def unknown_name(what: str, name: str, valid: Iterable[str]) -> str:

@@ -293,7 +293,11 @@ class SceneGraph(Struct, ShownAsSvg, frozen=True):
         return msgspec.json.decode(data, type=cls)
 
     def plot(self) -> "Figure":
-        """Draw the graph: instruments on the left, other nodes on the right, predicates between them."""
+        """Draw the graph: instruments on the left, other nodes on the right, predicates between them.
+
+        Raises:
+            MissingExtra: If Matplotlib is not installed.
+        """
         figure: Figure = view("graph figure", self)
         return figure
 

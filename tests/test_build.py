@@ -4,8 +4,10 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from ctypes import c_double
+from fnmatch import fnmatch
 from pathlib import Path
 
 import hatchling.build
@@ -195,6 +197,18 @@ def test_the_sdist_has_the_sources_and_what_compiles_them(checkout, tmp_path, mo
     assert not any(name.endswith(".library") for name in names)
 
 
+def test_the_sdist_includes_everything_that_is_committed():
+    sdist = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["sdist"]
+    always = [".gitignore", "hatch_build.py", "pyproject.toml"]
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("this is no clone")
+    names = {name.partition("/")[0] for name in listed.stdout.splitlines()}
+    assert not [
+        name for name in names if not any(fnmatch(name, each) for each in [*always, *sdist["include"]])
+    ]
+
+
 def pinned(file: str) -> dict[str, list[str]]:
     """Return the versions in a lock file by package."""
     versions: dict[str, list[str]] = {}
@@ -211,11 +225,11 @@ def test_the_base_has_the_versions_of_the_whole():
     assert len(base) < len(whole) / 3
 
 
-def test_the_base_has_what_the_package_and_its_build_need():
+def test_the_base_has_what_the_package_its_build_and_the_figure_of_the_demo_need():
     text = (ROOT / "pyproject.toml").read_text()
     (needed,) = re.findall(r"^dependencies = \[\n(.*?)^\]", text, re.MULTILINE | re.DOTALL)
     names = set(re.findall(r'"([a-z-]+)', needed))
-    assert names | {"hatchling", "editables"} <= set(pinned("requirements-base.lock"))
+    assert names | {"hatchling", "editables", "matplotlib"} <= set(pinned("requirements-base.lock"))
 
 
 @pytest.mark.parametrize(

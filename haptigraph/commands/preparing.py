@@ -174,12 +174,12 @@ def check(
     from haptigraph.assemble import load_procedure
     from haptigraph.proof.prove import prove
 
+    if picture:
+        from haptigraph.analysis.plots.proof_figure import proof_figure
     loaded = load_procedure(procedure)
     measured, capable = _device_of(device, profile)
     proof = prove(loaded, prover, capable, _perceiving(loaded, perceiver), measured)
     if picture:
-        from haptigraph.analysis.plots.proof_figure import proof_figure
-
         proof_figure(loaded, proof, picture)
     # No markup: square brackets belong to the user's text. No line breaks where no terminal needs them.
     console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 10_000)

@@ -10,7 +10,7 @@ import click
 from haptigraph.commands.help import examples
 from haptigraph.commands.options import run_options, run_settings, settings_of
 from haptigraph.commands.terminal import print_status, progress_bar, show_page, terminable
-from haptigraph.errors import BadInput, HaptigraphError, NotSilent
+from haptigraph.errors import BadInput, HaptigraphError, MissingExtra, NotSilent
 
 if TYPE_CHECKING:
     from haptigraph.analysis.metrics.run import RunMeasures
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from haptigraph.dashboard.live.live import LivePage
     from haptigraph.inference.procedure import Procedure
     from haptigraph.pipeline import Loop
+    from haptigraph.recording.writer import Progress
     from haptigraph.stages import Sink
 
 __all__ = ["demo", "run", "run_loop"]
@@ -61,9 +62,11 @@ def run(config: str | None, realtime: bool | None, **given: object) -> None:
 @click.option("--output", metavar="FOLDER", help="For the recording and its figure; default: a new folder.")
 @click.option("--realtime/--fast", default=True, help="Run in real time, or as fast as possible.")
 def demo(scenario: str, output: str | None, realtime: bool) -> None:
-    """Demonstrate the whole loop in half a minute on a simulated eye: run, record, replay, plot."""
+    """Demonstrate the whole loop in half a minute on a simulated eye: run, record, replay, plot.
+
+    The picture needs haptigraph[figures]; everything else works without.
+    """
     from haptigraph.analysis.metrics.replay import replay as run_again
-    from haptigraph.analysis.plots.figures import run_figure
     from haptigraph.config import load_config
     from haptigraph.sim.scenario import load_scenario
 
@@ -82,9 +85,19 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
         return
     with progress_bar() as progress:
         report = run_again(recording, None, progress)
-        run_figure(recording, picture, progress)
+        drawn = _draw(recording, picture, progress)
     click.echo(f"\nreplayed        {report.identical} of {report.steps} steps identical")
-    click.echo(f"recording       {recording}\npicture         {picture}")
+    click.echo(f"recording       {recording}\npicture         {drawn}")
+
+
+def _draw(recording: Path, picture: Path, progress: "Progress") -> str:
+    """Draw a run; return the name of the picture, or why there is none."""
+    try:
+        from haptigraph.analysis.plots.figures import run_figure
+    except MissingExtra as missing:
+        return f"not drawn: {missing}"
+    run_figure(recording, picture, progress)
+    return str(picture)
 
 
 def run_loop(

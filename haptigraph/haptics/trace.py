@@ -1,12 +1,16 @@
 """A file device: the time and value of every change of amplitude, and a plot of them."""
 
 import csv
+import warnings
 from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
-from haptigraph.errors import BadInput, DeviceError
+from haptigraph.errors import BadInput, DeviceError, MissingExtra, NotDrawn
 from haptigraph.messages import Capabilities
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["TraceDevice"]
 
@@ -15,6 +19,8 @@ DEFAULT = "touch.csv"
 
 class TraceDevice:
     """Write stamp_ns, amplitude, frequency_hz at every change; on close, plot the run next to the file.
+
+    Without Matplotlib there is no plot, as a warning says.
 
     Args:
         path: The CSV file to write; touch.csv if empty.
@@ -27,7 +33,7 @@ class TraceDevice:
         amplitude_levels=65535,
         frequency_range_hz=(0.0, 1000.0),
         shortest_on_ms=0.0,
-        limitations="Every command is written unchanged.",
+        limitations="Every command is written unchanged; the plot needs the extra figures.",
     )
 
     def __init__(self, path: str | Path) -> None:
@@ -70,9 +76,15 @@ class TraceDevice:
             self._discard()
             return
         self._file.close()
+        try:
+            from haptigraph.figures import Figure  # noqa: PLC0415 - slow to import, needed once
+        except MissingExtra:
+            missing = MissingExtra(f"{self._plot_path}, the plot of {self._path},", "figures")
+            warnings.warn(str(missing), NotDrawn, stacklevel=2)
+            return
         with self._plot_path.open("xb") as file:
             try:
-                self._plot(file)
+                self._plot(Figure(figsize=(10, 2.2), layout="constrained"), file)
             except BaseException:
                 self._plot_path.unlink()
                 raise
@@ -82,11 +94,8 @@ class TraceDevice:
             self._file.close()
         self._path.unlink()
 
-    def _plot(self, file: BinaryIO) -> None:
-        from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import, needed once
-
+    def _plot(self, figure: "Figure", file: BinaryIO) -> None:
         start_ns = self._rows[0][0]
-        figure = Figure(figsize=(10, 2.2), layout="constrained")
         axes = figure.subplots()
         axes.fill_between(
             [(stamp_ns - start_ns) / 1e9 for stamp_ns, _ in self._rows],

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 LIBRARIES = (
-    "cyclonedds", "foxglove", "pydicom", "pyigtl", "pylsl", "pyrealsense2", "rosbags", "sdl2", "serial", "sounddevice",
+    "cyclonedds", "foxglove", "matplotlib", "pydicom", "pyigtl", "pylsl", "pyrealsense2", "rosbags", "sdl2", "serial", "sounddevice",
 )  # fmt: skip
 PROGRAM = """
 import json, sys
@@ -41,7 +41,7 @@ def run_bare(folder, program, stdin=""):
     path = os.pathsep.join([str(folder), *filter(None, sys.path)])
     done = subprocess.run(
         [sys.executable, "-c", program], input=stdin, cwd=folder, env={**os.environ, "PYTHONPATH": path},
-        capture_output=True, text=True, timeout=100,
+        capture_output=True, text=True, timeout=200,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -59,6 +59,9 @@ def bare(tmp_path_factory, quick, quick_uri, registration_toml):
         **{key: ["run", quick_uri, "--record", "run.mcap", *key] for key in MISSING},
         **{uri: ["run", uri, "--registration", "eye.toml", "--record", "run.mcap"] for uri in SOURCES},
         "devices": ["devices"],
+        "demo": ["demo", "--fast", "--scenario", "brief.toml", "--output", "demo"],
+        "draw": ["touch", "draw", "subretinal_injection:success", "-o", "success.svg"],
+        "trace": ["run", "phantom:brief.toml", "--fast", "--device", "trace:touch.csv"],
         "openigtlink": ["run", "phantom:brief.toml", "--bridge", "openigtlink:0"],
     }
     results = json.loads(run_bare(folder, PROGRAM, json.dumps([*commands.values()])))
@@ -79,6 +82,26 @@ def test_capabilities_of_devices_are_listed_without_extras(bare):
     for extra in ("audio", "gamepad", "ros", "serial"):
         assert f"pip install 'haptigraph[{extra}]'" in listed
     assert "the joy node turns both motors alike" in listed
+
+
+def test_the_demo_says_why_there_is_no_picture(bare):
+    code, printed, errors = bare["demo"]
+    assert code == 0, errors
+    missing = "not drawn: a figure needs an extra; install it with: pip install 'haptigraph[figures]'"
+    assert printed.endswith(f"picture         {missing}\n")
+    assert "steps identical" in printed
+
+
+def test_a_figure_names_its_extra(bare):
+    sentence = "haptigraph: a figure needs an extra; install it with: pip install 'haptigraph[figures]'\n"
+    assert bare["draw"] == [2, "", sentence]
+
+
+def test_a_trace_has_no_plot_and_says_so(bare):
+    code, _, errors = bare["trace"]
+    assert code == 0, errors
+    assert "touch.png, the plot of touch.csv, needs an extra" in errors
+    assert "'haptigraph[figures]'" in errors
 
 
 def test_the_phantom_runs_and_is_published_to_slicer_without_extras(bare):

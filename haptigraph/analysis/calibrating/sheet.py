@@ -5,13 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from haptigraph.analysis.calibrating.board import CELLS, Board
 from haptigraph.errors import BadInput
+from haptigraph.figures import Figure, LineCollection, PolyCollection, rc_context
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Mask
 

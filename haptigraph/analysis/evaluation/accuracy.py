@@ -8,7 +8,6 @@ from pathlib import Path
 from haptigraph.analysis.evaluation.angle_noise import angle_noise
 from haptigraph.analysis.evaluation.report import Report, sweep_object, sweep_text
 from haptigraph.analysis.evaluation.sweep import perceivers_to_compare, sweep
-from haptigraph.analysis.evaluation.sweep_figure import check_output, sweep_figure
 from haptigraph.config import Config
 from haptigraph.recording.writer import Progress
 
@@ -36,8 +35,14 @@ def report_simulated(
 
     Raises:
         BadInput: If the perceiver is unknown or the figure cannot be written.
+        MissingExtra: If there is to be a figure, and Matplotlib is not installed.
     """
     if figure is not None:
+        from haptigraph.analysis.evaluation.sweep_figure import (  # noqa: PLC0415 - an extra
+            check_output,
+            sweep_figure,
+        )
+
         check_output(figure)
     names = [perceiver] if perceiver else perceivers_to_compare()
     swept = sweep(scenes, names, config, seed=seed, progress=progress)

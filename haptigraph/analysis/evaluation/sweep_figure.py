@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from haptigraph.analysis.evaluation.angle_noise import HeldDepth
 from haptigraph.analysis.evaluation.sweep import Sweep
 from haptigraph.errors import BadInput
+from haptigraph.figures import Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

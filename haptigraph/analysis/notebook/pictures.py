@@ -2,12 +2,10 @@
 
 import io
 
-from matplotlib import rc_context
-from matplotlib.figure import Figure
-
 from haptigraph.analysis.plots.drawing import draw_graph
 from haptigraph.analysis.plots.series import read_series
 from haptigraph.analysis.plots.timeline import draw_timeline
+from haptigraph.figures import Figure, rc_context
 from haptigraph.graph import SceneGraph
 from haptigraph.recording.reader import RunReader
 

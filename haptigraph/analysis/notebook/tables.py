@@ -4,8 +4,10 @@ import base64
 from collections.abc import Iterable, Mapping
 from html import escape
 
-from haptigraph.analysis.notebook.pictures import graph_svg, run_figure
 from haptigraph.assemble import parse_procedure
+from haptigraph.display import view
+from haptigraph.errors import MissingExtra
+from haptigraph.graph import SceneGraph
 from haptigraph.messages import Conclusion, Step
 from haptigraph.recording.header import losses_sentence
 from haptigraph.recording.reader import RunReader
@@ -45,7 +47,7 @@ def step_html(step: Step) -> str:
         *sds,
         ("faults", "; ".join(map(str, step.faults))),
     ]
-    return _table_html(rows, step.conclusion.state) + (graph_svg(step.graph) if step.graph.nodes else "")
+    return _table_html(rows, step.conclusion.state) + (_graph_html(step.graph) if step.graph.nodes else "")
 
 
 def report_html(report: RunReport) -> str:
@@ -95,9 +97,19 @@ def run_html(run: RunReader) -> str:
     table = _table_html(rows, run.path.name)
     if not len(run):
         return table
-    picture = base64.b64encode(run_figure(run)._repr_png_()).decode()
+    try:
+        picture = base64.b64encode(view("run figure", run)._repr_png_()).decode()
+    except MissingExtra as missing:
+        return f"{table}<p>{escape(str(missing))}</p>"
     alt = "states, measures and haptic output over time"
     return f'{table}<img alt="{alt}" src="data:image/png;base64,{picture}">'
+
+
+def _graph_html(graph: SceneGraph) -> str:
+    try:
+        return str(view("SceneGraph", graph))
+    except MissingExtra as missing:
+        return f"<p>{escape(str(missing))}</p>"
 
 
 def _conclusion_rows(conclusion: Conclusion) -> list[tuple[str, object]]:

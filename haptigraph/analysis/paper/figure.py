@@ -4,8 +4,6 @@ from collections.abc import Container
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from matplotlib.figure import Figure
-
 from haptigraph.analysis.paper.pipeline import pipeline_figure
 from haptigraph.analysis.paper.stages import read_stages
 from haptigraph.analysis.paper.views import views_figure
@@ -13,6 +11,7 @@ from haptigraph.analysis.plots.paper import COLORS, WIDTH_IN, check_new, save, s
 from haptigraph.analysis.plots.series import Series, read_series
 from haptigraph.analysis.plots.timeline import draw_timeline
 from haptigraph.errors import BadInput
+from haptigraph.figures import Figure
 from haptigraph.messages import Image
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress

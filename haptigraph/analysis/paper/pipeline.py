@@ -4,12 +4,11 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from haptigraph.analysis.paper.stages import FilterTrace, Stages
 from haptigraph.analysis.paper.views import show_image
 from haptigraph.analysis.plots.paper import COLORS, WIDTH_IN, letter, scale_bar
+from haptigraph.figures import ConstrainedLayoutEngine, Figure
 from haptigraph.imaging import FloatImage, grey_of
 from haptigraph.perception.needle.search import MIN_SCORE
 from haptigraph.registration.camera import Registration

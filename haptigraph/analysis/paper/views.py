@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from matplotlib.figure import Figure
 
 from haptigraph.analysis.paper.zones import draw_zones, zones
 from haptigraph.analysis.plots.drawing import draw_overlay
 from haptigraph.analysis.plots.paper import COLORS, WIDTH_IN, letter, scale_bar
 from haptigraph.analysis.plots.series import Series
+from haptigraph.figures import Figure
 from haptigraph.geometry import Geometry, Point, Segment
 from haptigraph.messages import Image
 from haptigraph.perception.eye_view import IoctView

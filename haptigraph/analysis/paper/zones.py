@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from matplotlib.patches import Patch
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from haptigraph.analysis.plots.series import Series
+from haptigraph.figures import Patch
 from haptigraph.geometry import Point, Segment, Vec, norm
 from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure

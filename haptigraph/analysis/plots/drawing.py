@@ -4,9 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from matplotlib.figure import Figure
-from matplotlib.patches import FancyArrowPatch
-
+from haptigraph.figures import FancyArrowPatch, Figure
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, rotate, subtract
 from haptigraph.graph import SceneGraph
 from haptigraph.messages import Step

@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from haptigraph.analysis.plots.drawing import draw_graph, draw_overlay
 from haptigraph.analysis.plots.series import Series, read_series
 from haptigraph.analysis.plots.timeline import draw_timeline
 from haptigraph.errors import BadInput
+from haptigraph.figures import Figure
 from haptigraph.messages import UNKNOWN, Image
 from haptigraph.perception.eye_view import view_of
 from haptigraph.recording.reader import RunReader

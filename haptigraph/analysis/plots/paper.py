@@ -8,12 +8,9 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from matplotlib import rc_context
-from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
-
 from haptigraph.analysis.evaluation.sweep_figure import check_output
 from haptigraph.errors import BadInput
+from haptigraph.figures import Figure, rc_context, withStroke
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

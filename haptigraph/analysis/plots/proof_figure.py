@@ -3,12 +3,10 @@
 import textwrap
 from pathlib import Path
 
-from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
-
 from haptigraph.analysis.evaluation.sweep_figure import check_output
 from haptigraph.analysis.plots.drawing import draw_graph
 from haptigraph.errors import BadInput
+from haptigraph.figures import ConstrainedLayoutEngine, Figure
 from haptigraph.inference.colors import palette
 from haptigraph.inference.procedure import Procedure
 from haptigraph.proof.report import Proof

@@ -9,9 +9,6 @@ from pathlib import Path
 from typing import Any, TypeAlias, cast
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from haptigraph.analysis.plots.drawing import draw_overlay
@@ -19,6 +16,7 @@ from haptigraph.analysis.plots.paper import COLORS
 from haptigraph.analysis.plots.series import Series, read_series
 from haptigraph.analysis.plots.video_file import new_video
 from haptigraph.errors import BadInput
+from haptigraph.figures import Figure, FigureCanvasAgg, to_rgb
 from haptigraph.messages import Capture, Step
 from haptigraph.perception.eye_view import view_of
 from haptigraph.recording.reader import RunReader

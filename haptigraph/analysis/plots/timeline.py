@@ -3,11 +3,10 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import FigureBase, SubFigure
-from matplotlib.patches import Patch
 
 from haptigraph.analysis.plots.paper import COLORS, DASHES, letter
 from haptigraph.analysis.plots.series import Series
+from haptigraph.figures import FigureBase, Patch, SubFigure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,11 +3,9 @@
 import itertools
 from pathlib import Path
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
 from haptigraph.analysis.plots.paper import check_new, save, styled
 from haptigraph.analysis.touch.loading import Touch
+from haptigraph.figures import Axes, Figure
 from haptigraph.haptics.formats.curve import value_after, value_before
 from haptigraph.haptics.formats.envelope import TRANSIENT_MS, plain
 

@@ -75,6 +75,8 @@ def study_report(
     try:
         from haptigraph.analysis.study.report import write_report
         from haptigraph.analysis.study.results import AnalysisPlan
+    except MissingExtra:
+        raise MissingExtra("study report", "study") from None
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in LIBRARIES:
             raise

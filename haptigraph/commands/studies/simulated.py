@@ -106,7 +106,7 @@ def sweep(
 
     try:
         from haptigraph.analysis.study_sweep.summary import markdown, sweep_summary, trials_table
-    except ModuleNotFoundError:
+    except (MissingExtra, ModuleNotFoundError):
         raise MissingExtra("study sweep", "study") from None
     from haptigraph.study.protocol import load_protocol
 

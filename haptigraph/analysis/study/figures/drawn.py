@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from matplotlib.figure import Figure
 from msgspec import Struct
 
 from haptigraph.analysis.study.figures.learning import MIN_MEDIAN_N, learning_figure
@@ -14,6 +13,7 @@ from haptigraph.analysis.study.figures.style import ONE_COLUMN_MM, rendered, sty
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.results_table import escaped
 from haptigraph.analysis.study.traces import Traces
+from haptigraph.figures import Figure
 
 __all__ = ["Drawn", "draw_figures", "figures", "figures_tex"]
 

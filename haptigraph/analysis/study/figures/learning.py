@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from haptigraph.analysis.study.figures.raincloud import primary_quantities
 from haptigraph.analysis.study.figures.style import (
@@ -21,6 +20,7 @@ from haptigraph.analysis.study.figures.style import (
 )
 from haptigraph.analysis.study.quantities import Quantity
 from haptigraph.analysis.study.results import StudyResults
+from haptigraph.figures import Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

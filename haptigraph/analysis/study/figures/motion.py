@@ -3,8 +3,6 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from haptigraph.analysis.study.figures.style import (
     INK,
@@ -21,6 +19,7 @@ from haptigraph.analysis.study.figures.style import (
     wrapped,
 )
 from haptigraph.analysis.study.traces import GRID, Traces, Zones
+from haptigraph.figures import Figure, Line2D
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

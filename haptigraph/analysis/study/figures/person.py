@@ -5,8 +5,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from haptigraph.analysis.study.figures.style import (
     INK,
@@ -20,6 +18,7 @@ from haptigraph.analysis.study.figures.style import (
 )
 from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.traces import GRID, Floats, Trace, Traces
+from haptigraph.figures import Figure, Patch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

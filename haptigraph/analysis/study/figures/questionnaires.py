@@ -1,7 +1,6 @@
 """Figure of the scores of questionnaires by condition."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from haptigraph.analysis.study.figures.states import POINT
 from haptigraph.analysis.study.figures.style import (
@@ -15,6 +14,7 @@ from haptigraph.analysis.study.figures.style import (
     wrapped,
 )
 from haptigraph.analysis.study.results import StudyResults
+from haptigraph.figures import Figure
 from haptigraph.study.questionnaire import Questionnaire
 
 __all__ = ["questionnaire_figure"]

@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy import stats
 
 from haptigraph.analysis.study.figures.style import (
@@ -18,6 +17,7 @@ from haptigraph.analysis.study.figures.style import (
 )
 from haptigraph.analysis.study.quantities import Quantity
 from haptigraph.analysis.study.results import StudyResults
+from haptigraph.figures import Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

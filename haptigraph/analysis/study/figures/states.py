@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
-from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from haptigraph.analysis.study.figures.style import (
     INK,
@@ -25,6 +23,7 @@ from haptigraph.analysis.study.figures.style import (
 )
 from haptigraph.analysis.study.quantities import state_of, words
 from haptigraph.analysis.study.results import StudyResults
+from haptigraph.figures import FancyArrowPatch, FancyBboxPatch, Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

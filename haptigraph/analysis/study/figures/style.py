@@ -7,14 +7,10 @@ from contextlib import AbstractContextManager
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
-from matplotlib import rc_context
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
-
 from haptigraph.analysis.plots.paper import STYLE as PAPER_STYLE
 from haptigraph.analysis.plots.paper import UNDATED
 from haptigraph.assemble import load_procedure, procedure_names
+from haptigraph.figures import Figure, Line2D, Patch, rc_context
 from haptigraph.inference.colors import PAPER_PALETTE, Paint, palette
 
 if TYPE_CHECKING:
