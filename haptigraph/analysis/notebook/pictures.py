@@ -5,7 +5,7 @@ import io
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from haptigraph.analysis.plots.drawing import draw_graph
+from haptigraph.analysis.plots.scene_graph import draw_graph
 from haptigraph.analysis.plots.series import read_series
 from haptigraph.analysis.plots.timeline import draw_timeline
 from haptigraph.graph import SceneGraph

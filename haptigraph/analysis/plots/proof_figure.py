@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from haptigraph.analysis.evaluation.sweep_figure import check_output
-from haptigraph.analysis.plots.drawing import draw_graph
+from haptigraph.analysis.plots.scene_graph import draw_graph
 from haptigraph.errors import BadInput
 from haptigraph.inference.colors import palette
 from haptigraph.inference.procedure import Procedure

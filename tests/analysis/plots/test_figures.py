@@ -4,7 +4,7 @@ import cv2
 import pytest
 
 from haptigraph import assemble
-from haptigraph.analysis.plots.drawing import graph_figure
+from haptigraph.analysis.plots.scene_graph import graph_figure
 from haptigraph.analysis.plots.explanation import explain
 from haptigraph.analysis.plots.figures import run_figure
 from haptigraph.config import load_config
