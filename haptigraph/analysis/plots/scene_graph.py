@@ -105,10 +105,11 @@ class _Edges(Artist):
             predicates.setdefault((edge.subject, edge.object), []).append(edge.predicate.replace("_", " "))
         in_columns_first = sorted(predicates, key=lambda pair: positions[pair[0]][0] != positions[pair[1]][0])
         self._edges = [
-            (*pair, self._arrow(), self._label("\n".join(predicates[pair]))) for pair in in_columns_first
+            (*pair, self._new_arrow(), self._predicates("\n".join(predicates[pair])))
+            for pair in in_columns_first
         ]
 
-    def _arrow(self) -> FancyArrowPatch:
+    def _new_arrow(self) -> FancyArrowPatch:
         """Return an arrow that only this artist draws."""
         gap_pt = NODE_PT / 2 + 1.5
         style: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 10, "color": EDGE, "linewidth": 0.9}
@@ -117,7 +118,7 @@ class _Edges(Artist):
         arrow.set_visible(False)
         return arrow
 
-    def _label(self, text: str) -> "Text":
+    def _predicates(self, text: str) -> "Text":
         """Return a label, which is drawn above the edges."""
         box: dict[str, Any] = {"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none"}
         style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": FONT_PT, "linespacing": 1.0}
