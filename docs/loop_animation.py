@@ -108,7 +108,7 @@ class Pictures:
         target = self.view.to_px(self.registration.target.at_mm)
         label = {"textcoords": "offset points", "fontsize": 12}
         place.annotate("target", target, (13, -5), color=ANATOMY_COLORS[0], **label)
-        place.annotate("simulated", (440, 0), (-6, -16), ha="right", color=QUIET, **label)
+        place.annotate("simulated", (437, 4), (-4, -10), ha="right", color=QUIET, **label)
         for left, top, text in (
             (16, 34, "image"),
             (480, 34, "scene graph"),
@@ -128,10 +128,9 @@ class Pictures:
         for row, edge in enumerate(step.graph.edges[:4]):
             is_decisive = str(edge) in decisive
             for left, text in ((480, edge.subject), (605, edge.predicate), (741, edge.object)):
-                figure.text(
-                    left / SIZE_PX[0], 1 - (72 + 36 * row) / SIZE_PX[1], text.replace("_", " "), fontsize=12.5,
-                    color=TEXT if is_decisive else QUIET, fontweight="bold" if is_decisive else "normal",
-                )  # fmt: skip
+                place = left / SIZE_PX[0], 1 - (72 + 36 * row) / SIZE_PX[1]
+                weight = {"color": TEXT, "fontweight": "bold"} if is_decisive else {"color": QUIET}
+                figure.text(*place, text.replace("_", " "), fontsize=12.5, **weight)
 
     def state(self, figure: Figure, step: Step) -> None:
         """Show the state in its colour."""
