@@ -4,6 +4,7 @@ import itertools
 import cv2
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from paths import ROOT
 
@@ -60,7 +61,7 @@ def test_labels_of_a_graph_overlap_neither_each_other_nor_a_node(name):
         figure = Figure(figsize=(4, 2.6), dpi=100)
         axes = figure.add_axes((0, 0, 1, 1))
         draw_graph(axes, graph, schema.relations)
-        figure.canvas.draw()
+        FigureCanvasAgg(figure).draw()
         labels = [text.get_window_extent() for text in axes.texts if text.get_text()]
         for one, other in itertools.combinations(labels, 2):
             assert not one.padded(-1.5).overlaps(other.padded(-1.5)), graph.edges
@@ -71,7 +72,7 @@ def test_an_edge_passes_a_node_by():
     figure = Figure(figsize=(5, 3), dpi=100)
     axes = figure.add_axes((0, 0, 1, 1))
     draw_graph(axes, SceneGraph(0, tuple(nodes), (Triplet("a", "near", "c"),)))
-    figure.canvas.draw()
+    FigureCanvasAgg(figure).draw()
     (label,) = [text for text in axes.texts if text.get_text() == "near"]
     assert abs(label.get_position()[1]) > 0.1
 
