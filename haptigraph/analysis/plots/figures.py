@@ -2,7 +2,7 @@
 
 from collections import Counter
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.figure import Figure, FigureBase
@@ -111,7 +111,8 @@ def _draw_pictures(
     limits: Limits,
 ) -> None:
     """Draw the views of some moments, all with one range of grey, one scale bar and one legend."""
-    view, entries = view_of(registration), {}
+    view = view_of(registration)
+    entries: dict[str, Any] = {}
     norm = grey_norm([each for each in views.values() if each is not None])
     all_axes = figure.subplots(1, len(views), squeeze=False)[0]
     for axes, (number, picture) in zip(all_axes, views.items(), strict=True):
@@ -132,9 +133,14 @@ def _draw_pictures(
     third_mm = abs(limits[0][1] - limits[0][0]) / px_per_mm / 3
     bar_mm = next((bar for bar in BARS_MM if bar <= third_mm), BARS_MM[-1])
     scale_bar(all_axes[0], bar_mm * px_per_mm, f"{bar_mm:g} mm", size_pt=8)
+    style: dict[str, Any] = {
+        "labelcolor": "white",
+        "facecolor": "#3a3a3a",
+        "framealpha": 1,
+        "edgecolor": "none",
+    }
     figure.legend(
-        entries.values(), entries, loc="outside lower center", ncols=8, fontsize=8,
-        labelcolor="white", facecolor="#3a3a3a", framealpha=1, edgecolor="none",
+        list(entries.values()), list(entries), loc="outside lower center", ncols=8, fontsize=8, **style
     )  # fmt: skip
 
 

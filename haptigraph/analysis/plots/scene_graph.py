@@ -129,7 +129,8 @@ class _Edges(Artist):
     def draw(self, renderer: "RendererBase") -> None:
         """Arrange the edges; they are drawn with the axes' other artists."""
         radius = renderer.points_to_pixels(NODE_PT / 2)
-        at = {name: self._own_axes.transData.transform(place) for name, place in self._positions.items()}
+        to_px = self._own_axes.transData.transform
+        at = {name: np.asarray(to_px(place), np.float64) for name, place in self._positions.items()}
         nodes = {
             name: [Bbox([point - radius, point + radius]), self._names[name].get_window_extent(renderer)]
             for name, point in at.items()
@@ -142,7 +143,12 @@ class _Edges(Artist):
             bend = min(BENDS, key=lambda bend: _hits(_curve(*ends, bend), others))
             if ends[0][0] == ends[1][0]:
                 side = 1 if self._positions[subject][0] == 0 else -1
-                bend = side * 2 * renderer.points_to_pixels(BULGE_PT) / (ends[1][1] - ends[0][1])
+                bend = (
+                    2.0
+                    * side
+                    * float(np.asarray(renderer.points_to_pixels(BULGE_PT)))
+                    / (ends[1][1] - ends[0][1])
+                )
             arrow.set_positions(self._positions[subject], self._positions[object_])
             arrow.set_connectionstyle(f"arc3,rad={bend}")
             arrow.set_visible(True)
@@ -151,7 +157,8 @@ class _Edges(Artist):
             curve = _curve(*ends, bend)
             places = []
             for share in SHARES:
-                label.set_position(to_data.transform(curve[round(share * (len(curve) - 1))]))
+                x, y = to_data.transform(curve[round(share * (len(curve) - 1))])
+                label.set_position((float(x), float(y)))
                 box = label.get_window_extent(renderer).padded(1)
                 places.append((sum(_overlap(box, other) for other in taken), label.get_position(), box))
             _, position, box = min(places, key=lambda place: place[0])
