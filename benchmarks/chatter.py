@@ -150,6 +150,7 @@ def _tip_mm(anatomy: dict[str, Geometry], needle: Needle) -> Vec:
 IMAGES = 1800  # a minute
 APPROACHES = 200
 SHOWN = {"retina 0.7 mm": ("distance_to_retina_mm", 0.7, 0.8), "theta 1.7 deg": ("theta_deg", 1.7, 1.5)}
+LABELS = {"distance_to_retina_mm": "distance to retina [mm]", "theta_deg": "theta [°]"}
 SHOWN_IMAGES = 150
 
 
@@ -189,7 +190,8 @@ def draw(plain: Procedure, steady: Procedure, path: str) -> None:
         top.plot(seconds, values, ".-", color="#444", linewidth=0.6, markersize=3)
         top.axhline(bound, color="#d03a3a", linewidth=1.2, label=f"threshold {bound:g}")
         top.axhline(release, color="#d03a3a", linewidth=1.2, linestyle="--", label=f"release {release:g}")
-        top.set_title(f"{measure}, needle at rest", fontsize=10)
+        top.set_title(f"needle at rest, at the threshold {bound:g}", fontsize=10)
+        top.set_ylabel(LABELS[measure])
         anchor = (1.0, release + 0.25 * (bound - release))  # beyond the noise
         top.legend(
             fontsize=8, loc="center right", bbox_to_anchor=anchor, bbox_transform=top.get_yaxis_transform()
@@ -201,6 +203,8 @@ def draw(plain: Procedure, steady: Procedure, path: str) -> None:
             for at, state in zip(seconds, states, strict=True):
                 band.axvspan(at, at + 1 / 30, color=PAPER_PALETTE[state].color, linewidth=0)
             band.set_yticks([])
+            if number == 0:
+                band.set_ylabel("state")
             band.set_title(f"{title}, state changes: {changes(states)}", fontsize=9, loc="left")
         bands[-1].set_xlabel("time [s]")
         bands[-1].set_xlim(0, SHOWN_IMAGES / 30)

@@ -134,11 +134,11 @@ def accuracy(count: int, seed: int, any_roll: bool) -> None:
     tally, of = errors.count, errors.of
     print(
         f"{tally['needle']} volumes with a needle: found in {tally['found']}, with tip in {tally['tip']}; "
-        f"more than {GROSS_UM:.0f} um off: {tally['gross']}"
+        f"more than {GROSS_UM:.0f} µm off: {tally['gross']}"
     )
     print(f"{tally['no needle']} volumes without: a needle in {tally['false needle']}")
     print(f"side of the bevel stated in {tally['bevel stated']}, wrong in {tally['bevel wrong']}")
-    print(f"gap: median of the signed error {np.median(of['signed_gap_um'] or [math.nan]):+.1f} um")
+    print(f"gap: median of the signed error {np.median(of['signed_gap_um'] or [math.nan]):+.1f} µm")
     names = ("tip_um", "gap_um", "axis_deg", "ilm_um", "ilm hidden_um", "rpe_um", "rpe hidden_um")
     for name in names:
         values, z = of[name] or [math.nan], of[f"{name.rpartition('_')[0]}_z"] or [math.nan]

@@ -237,7 +237,7 @@ def print_results(name: str, results: list[Played]) -> None:
     off = np.concatenate([each.off_mm for each in results])
     sds = np.concatenate([each.sd_mm for each in results])
     print(
-        "  predicted gap: |error| median {:.0f}, 95 % {:.0f} um".format(
+        "  predicted gap: |error| median {:.0f}, 95 % {:.0f} µm".format(
             *np.percentile(1e3 * abs(off), (50, 95))
         )
     )

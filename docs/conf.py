@@ -12,6 +12,8 @@ DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 sys.path[:0] = [str(ROOT), str(DOCS)]
 
+from sphinx_gallery.scrapers import figure_rst  # noqa: E402
+
 from haptigraph.version import __version__  # noqa: E402
 
 project = "haptigraph"
@@ -59,7 +61,22 @@ napoleon_numpy_docstring = False
 add_module_names = False
 toc_object_entries_show_parents = "hide"
 
+
+def written_figures(block: tuple, block_vars: dict, gallery_conf: dict) -> str:
+    """Show the figures that a program of the gallery has written beside it."""
+    written = sorted(
+        path for ending in ("png", "svg") for path in Path(block_vars["src_file"]).parent.glob(f"*.{ending}")
+    )
+    shown = []
+    for path, name in zip(written, block_vars["image_path_iterator"], strict=False):
+        shown.append(str(Path(name).with_suffix(path.suffix)))
+        shutil.move(path, shown[-1])
+    return figure_rst(shown, gallery_conf["src_dir"])
+
+
 sphinx_gallery_conf = {
+    "image_scrapers": (written_figures,),
+    "capture_repr": (),
     "examples_dirs": str(ROOT / "examples" / "gallery"),
     "gallery_dirs": "gallery",
     "filename_pattern": r"\.py$",

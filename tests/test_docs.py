@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 
 import pytest
-from helpers import call
 from paths import ROOT
 
 from haptigraph import assemble

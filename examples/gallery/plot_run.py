@@ -2,16 +2,11 @@
 A run over time
 ===============
 
-Distances, angle, state and vibration of a simulated run, as `haptigraph figure --kind timeline` draws them.
+States, angle, distances and haptic output of a run, as a notebook shows them. Dashed lines are the
+thresholds of the procedure.
 """
-
-from pathlib import Path
-from tempfile import mkdtemp
 
 import haptigraph
 
-path = Path(mkdtemp()) / "run.mcap"
-settings = ["source.uri=phantom:wrong_place_then_hit", "run.realtime=false", f"recording.path={path}"]
-haptigraph.build(haptigraph.load_config(settings=settings)).run()
-with haptigraph.RunReader(path) as run:
-    run.plot()
+with haptigraph.RunReader("../../tests/replay/golden/wrong_place_then_hit.mcap") as run:
+    run.plot().savefig("run.png", dpi=80)

@@ -2,7 +2,7 @@
 
 import io
 
-from haptigraph.analysis.plots.drawing import draw_graph
+from haptigraph.analysis.plots.scene_graph import draw_graph
 from haptigraph.analysis.plots.series import read_series
 from haptigraph.analysis.plots.timeline import draw_timeline
 from haptigraph.figures import Figure, rc_context

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from haptigraph.analysis.paper.zones import draw_zones, zones
-from haptigraph.analysis.plots.drawing import draw_overlay
+from haptigraph.analysis.plots.drawing import draw_overlay, grey_norm
 from haptigraph.analysis.plots.paper import COLORS, WIDTH_IN, letter, scale_bar
 from haptigraph.analysis.plots.series import Series
 from haptigraph.figures import Figure
@@ -40,7 +40,8 @@ def views_figure(series: Series, number: int, image: Image, registration: Regist
     letter(raw, "a", f"raw image, {series.time_s[number]:.2f} s")
     scale_bar(raw, BAR_MM / registration.image.mm_per_px, f"{BAR_MM:g} mm")
     bar_px = BAR_MM * view.size_px / (2 * view.half_mm)
-    displayed.imshow(view(image), cmap="gray", vmin=0, vmax=255)
+    eye = view(image)
+    displayed.imshow(eye, cmap="gray", norm=grey_norm([eye]))
     draw_overlay(displayed, view, step, registration, series.bounds("theta_deg"))
     letter(displayed, "b", f"displayed: {step.conclusion.state.replace('_', ' ')}")
     scale_bar(displayed, bar_px, f"{BAR_MM:g} mm")

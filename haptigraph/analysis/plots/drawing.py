@@ -1,13 +1,14 @@
-"""Draw single moments into the caller's axes: a scene graph, and an observation over the displayed image."""
+"""Draw the observation of a single moment over the displayed image, into the caller's axes."""
 
+import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from haptigraph.figures import FancyArrowPatch, Figure
+import numpy as np
+
+from haptigraph.figures import PowerNorm
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, rotate, subtract
-from haptigraph.graph import SceneGraph
-from haptigraph.messages import Step
+from haptigraph.messages import Image, Step
 from haptigraph.perception.eye_view import EyeView
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.registered import BaseRegistration
@@ -15,66 +16,30 @@ from haptigraph.registration.registered import BaseRegistration
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_graph", "draw_overlay", "graph_figure"]
+__all__ = ["draw_overlay", "grey_norm"]
 
 CONE_COLOR = "#7fd08a"
-LABEL_AT = 0.38  # share of an edge; edges cross in its middle
+DARKEST, BRIGHTEST = 1.0, 99.0
+"""Percentiles of pictures that are shown black and white."""
+MIDDLE_SHARE, LEAST_GAMMA = 0.35, 0.5
+"""The median of dim pictures is shown this bright, as far as this gamma reaches."""
+INSTRUMENT_COLOR = "#ffcc33"
+ANATOMY_COLORS = ("#5ec8ff", "#ff9ecf", "#a6e37f", "#cdb0ff", "#ffffff")
+"""Of lines, in the order in which they were found."""
 
 
-def graph_figure(graph: SceneGraph, output: str | Path) -> None:
-    """Draw one scene graph to a PNG, SVG or PDF file."""
-    figure = Figure(figsize=(5, 4.2), layout="constrained")
-    draw_graph(figure.subplots(), graph)
-    figure.savefig(output, dpi=150)
+def grey_norm(pictures: Sequence[Image]) -> PowerNorm:
+    """Return how to show pictures alike, so that a dim eye is visible beside a bright needle.
 
-
-def draw_graph(axes: "Axes", graph: SceneGraph) -> None:
-    """Draw a scene graph: instruments on the left, other nodes on the right, predicates between them."""
-    groups = list(dict.fromkeys(node.group for node in graph.nodes))
-    positions: dict[str, Vec] = {}
-    for column, group in enumerate(groups):
-        members = [node.id for node in graph.nodes if node.group == group]
-        for row, name in enumerate(members):
-            positions[name] = (2.4 * column, 1.0 - 2.0 * (row + 0.5) / len(members))
-    for edge in graph.edges:
-        start, end = positions[edge.subject], positions[edge.object]
-        arrow = FancyArrowPatch(
-            start, end, arrowstyle="-|>", mutation_scale=12, shrinkA=13, shrinkB=13, color="#555"
-        )
-        axes.add_patch(arrow)
-    for (subject, object_), names in _labels(graph).items():
-        start, end = positions[subject], positions[object_]
-        axes.annotate(
-            names,
-            (start[0] + LABEL_AT * (end[0] - start[0]), start[1] + LABEL_AT * (end[1] - start[1])),
-            ha="center",
-            va="center",
-            fontsize=7.5,
-            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.9},
-        )
-    for node in graph.nodes:
-        x, y = positions[node.id]
-        color = "#f6d58a" if node.group == groups[0] else "#bcdcf2"
-        axes.plot([x], [y], "o", markersize=19, color=color, markeredgecolor="#555", zorder=3)
-        left = node.group == groups[0]
-        axes.annotate(
-            node.id.replace("_", "\n"),
-            (x + (-0.28 if left else 0.28), y),
-            ha="right" if left else "left",
-            va="center",
-            fontsize=7.5,
-        )
-    axes.set(xlim=(-1.3, 2.4 * max(len(groups) - 1, 1) + 1.3), ylim=(-1.15, 1.15))
-    axes.axis("off")
-
-
-def _labels(graph: SceneGraph) -> dict[tuple[str, str], str]:
-    """Return the predicates between each pair of nodes, as one text per pair."""
-    labels: dict[tuple[str, str], str] = {}
-    for edge in graph.edges:
-        pair = edge.subject, edge.object
-        labels[pair] = f"{labels[pair]}\n{edge.predicate}" if pair in labels else edge.predicate
-    return labels
+    Args:
+        pictures: To be shown; 0 is outside the eye.
+    """
+    inside = [picture[picture > 0] for picture in pictures]
+    values = np.concatenate(inside) if sum(map(np.size, inside)) else np.array((0.0, 255.0))
+    low, middle, high = np.percentile(values, (DARKEST, 50, BRIGHTEST))
+    share = (middle - low) / max(high - low, 1.0)
+    gamma = math.log(MIDDLE_SHARE) / math.log(share) if 0 < share < MIDDLE_SHARE else 1.0
+    return PowerNorm(max(gamma, LEAST_GAMMA), float(low), float(max(high, low + 1)), clip=True)
 
 
 def draw_overlay(
@@ -91,17 +56,24 @@ def draw_overlay(
             _line(axes, view, ends, color=CONE_COLOR, linewidth=0.8, linestyle=(0, (4, 2)), label=label)
     found = step.observation.found
     for shapes in view.drawn(found):
+        lines = [name for name, shape in shapes.items() if isinstance(shape, Polyline)]
         for name, shape in shapes.items():
             has_end = not name.endswith("_line") or name.replace("_line", "_tip") in found
-            _draw_shape(axes, view, name, shape, "-" if has_end else "--")
+            number = lines.index(name) if name in lines else 0
+            color = (
+                INSTRUMENT_COLOR
+                if name.startswith("needle")
+                else ANATOMY_COLORS[number % len(ANATOMY_COLORS)]
+            )
+            _draw_shape(axes, view, name, shape, color, "-" if has_end else "--")
     axes.set(xlim=(0, view.size_px - 1), ylim=(view.size_px - 1, 0))
     axes.axis("off")
 
 
-def _draw_shape(axes: "Axes", view: EyeView, name: str, shape: Geometry, linestyle: str) -> None:
-    color, label = "#ffcc33" if name.startswith("needle") else "#5ec8ff", name.replace("_", " ")
+def _draw_shape(axes: "Axes", view: EyeView, name: str, shape: Geometry, color: str, linestyle: str) -> None:
+    label = name.replace("_", " ")
     if isinstance(shape, Polyline):
-        _line(axes, view, shape.points_mm, color=color, linewidth=1.0, alpha=0.7, label=label)
+        _line(axes, view, shape.points_mm, color=color, linewidth=1.1, alpha=0.85, label=label)
     elif isinstance(shape, Segment):
         ends = shape.start_mm, shape.end_mm
         _line(axes, view, ends, color=color, linewidth=1.0, linestyle=linestyle, label=label)

@@ -86,7 +86,13 @@ def letter(axes: "Axes", name: str, title: str) -> None:
 
 
 def scale_bar(
-    axes: "Axes", length_px: float, label: str, color: str = "white", *, down: bool = False
+    axes: "Axes",
+    length_px: float,
+    label: str,
+    color: str = "white",
+    *,
+    down: bool = False,
+    size_pt: float = 6.0,
 ) -> None:
     """Draw a scale bar into a corner of a picture.
 
@@ -96,10 +102,11 @@ def scale_bar(
         label: What it stands for: "5 mm".
         color: Of bar and label.
         down: Whether the bar runs along y, in the lower right corner, else along x in the lower left one.
+        size_pt: Of the label.
     """
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     outline = [withStroke(linewidth=1.6, foreground="black" if color == "white" else "white")]
-    text: dict[str, Any] = {"color": color, "fontsize": 6, "path_effects": outline}
+    text: dict[str, Any] = {"color": color, "fontsize": size_pt, "path_effects": outline}
     line: dict[str, Any] = {
         "color": color,
         "linewidth": 1.8,

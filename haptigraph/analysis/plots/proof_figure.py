@@ -4,7 +4,7 @@ import textwrap
 from pathlib import Path
 
 from haptigraph.analysis.evaluation.sweep_figure import check_output
-from haptigraph.analysis.plots.drawing import draw_graph
+from haptigraph.analysis.plots.scene_graph import draw_graph
 from haptigraph.errors import BadInput
 from haptigraph.figures import ConstrainedLayoutEngine, Figure
 from haptigraph.inference.colors import palette

@@ -1,6 +1,6 @@
 """Draw a run over time: states, angle, distances with their thresholds, haptic output."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,14 @@ CURVES = tuple(zip(("black", "red", "blue", "green"), DASHES, strict=True))
 """Colour and line style of each curve of a panel."""
 WALL = "wall_mm"  # decides inside and outside, which the states show
 HAPTICS = "haptic output"
-ROOM = 1.25  # for the legend above the curves
+ROOM = 1.1  # above the highest curve
+ABOVE: dict[str, Any] = {
+    "loc": "lower right",
+    "bbox_to_anchor": (1, 1),
+    "borderaxespad": 0.2,
+    "fontsize": "small",
+}
+"""Place of a legend, beside the panel's title."""
 NAMED_SHARE = 0.1  # of the whole time: shorter bands have no room for a name
 
 
@@ -83,13 +90,7 @@ def _draw_states(axes: "Axes", series: Series) -> None:
         for state in series.procedure.states
         if state.name in occurring
     ]
-    axes.legend(
-        handles=patches,
-        loc="lower right",
-        bbox_to_anchor=(1, 1),
-        ncols=min(len(patches), 4),
-        fontsize="small",
-    )
+    axes.legend(handles=patches, **ABOVE, ncols=min(len(patches), 4), frameon=False)
     axes.set(yticks=[], ylim=(0, 1))
 
 
@@ -102,7 +103,7 @@ def _draw_angle(axes: "Axes", series: Series, measure: str) -> None:
             0, bound_deg, color=COLORS["green"], alpha=0.25, linewidth=0, label=f"up to {bound_deg:g}°"
         )
     axes.set(ylabel=f"{name} [°]", ylim=(0, ROOM * max(float(np.nanmax(values)), 1.0)))
-    axes.legend(loc="upper right", ncols=2, frameon=False)
+    axes.legend(**ABOVE, ncols=2, frameon=False)
 
 
 def _draw_distances(axes: "Axes", series: Series, names: list[str]) -> None:
@@ -118,7 +119,7 @@ def _draw_distances(axes: "Axes", series: Series, names: list[str]) -> None:
         axes.axhline(bound, color=COLORS["grey"], linewidth=0.7, linestyle="--", label=label)
     low, high = axes.get_ylim()
     axes.set(ylabel=f"distance [{unit}]", ylim=(low, low + ROOM * (high - low)))
-    axes.legend(loc="upper right", ncols=2, frameon=False)
+    axes.legend(**ABOVE, ncols=len(names) + 1, frameon=False)
 
 
 def _draw_haptics(axes: "Axes", series: Series) -> None:

@@ -7,6 +7,9 @@ type Overlay = "needle" | "uncertainty" | "cone" | "zone" | "target" | "port";
 type Picture = Uint8Array<ArrayBuffer> | ImageBitmap | null;
 /** A node of the scene graph on the page. */
 interface NodePosition { x: number, y: number, isLeft: boolean }
+interface Box { left: number, width: number, top: number, height: number }
+/** An edge of the drawn scene graph; `curve` turns a share of its way into a point. */
+interface Edge { group: SVGGElement, text: SVGTextElement, curve: (share: number) => { x: number, y: number } }
 /** A curve over time: a measure, the bounds that decide by it, and its scale. */
 interface Strip {
   measure: string, label: string, unit: string, digits: number, bounds: number[], min: number, max: number, band: number,
