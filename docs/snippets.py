@@ -81,9 +81,9 @@ def evaluate(example: Example) -> str | None:
     language, text = example.parsed
     folder: Path = example.namespace["_folder"]
     directions = directions_before(example)
+    prepare(example, directions, text)
     if "not run:" in directions:
         return check_commands(text) if language == "console" else None
-    prepare(example, directions, text)
     match language:
         case "console":
             return run_console(example, text, directions)
