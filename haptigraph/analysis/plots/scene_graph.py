@@ -1,6 +1,6 @@
 """Draw a scene graph into the caller's axes; edges pass nodes by, and labels do not overlap."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,7 +91,7 @@ class _Edges(Artist):
     """The edges of a graph, arranged when they are drawn, because only then sizes are known."""
 
     def __init__(
-        self, axes: "Axes", graph: SceneGraph, positions: dict[str, Vec], names: "dict[str, Text]"
+        self, axes: "Axes", graph: SceneGraph, positions: dict[str, Vec], names: "Mapping[str, Text]"
     ) -> None:
         super().__init__()
         self.set_in_layout(False)
