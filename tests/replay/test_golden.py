@@ -26,7 +26,7 @@ def flat(value) -> list[float]:
     """Every number in it, in order."""
     if isinstance(value, int | float):
         return [value]
-    if isinstance(value, str):
+    if value is None or isinstance(value, str):
         return []
     return [
         number for item in (value.values() if isinstance(value, dict) else value) for number in flat(item)
@@ -51,5 +51,7 @@ def test_nothing_has_changed(path):
         assert again.graph.measures == pytest.approx(recorded.graph.measures, abs=TOLERANCE), where
         found, found_before = numbers(again.observation.found), numbers(recorded.observation.found)
         assert found == pytest.approx(found_before, abs=TOLERANCE), where
+        sd, sd_before = numbers(again.observation.certainty), numbers(recorded.observation.certainty)
+        assert sd == pytest.approx(sd_before, abs=TOLERANCE, nan_ok=True), where
         count += 1
     assert count > 25
