@@ -49,6 +49,12 @@ def replay(recording: str, procedure: str | None) -> None:
         f"states differ in {report.states_differ} of {report.steps} steps, "
         f"haptic output in {report.haptics_differ}"
     )
+    if report.first_state is not None:
+        other = report.first_state
+        click.echo(
+            f"first other state: step {other.step} at {other.time_s:.2f} s, "
+            f"{other.replayed} instead of {other.recorded}"
+        )
     if report.first is not None:
         first = report.first
         click.echo(f"first difference: step {first.step} at {first.time_s:.2f} s, {first.message}")
@@ -58,18 +64,22 @@ def replay(recording: str, procedure: str | None) -> None:
     for line in claim_lines(report.recorded.claims, report.recorded.first_ns) if not procedure else ():
         click.echo(line)
     if procedure:
-        click.echo(f"\n{comparison(report, procedure)}\n\n{_page_lines(Path(recording), procedure)}")
+        click.echo(f"\n{comparison(report, procedure)}\n\n{_page_lines(Path(recording), procedure, report)}")
     elif report.identical < report.steps:
         sys.exit(1)
 
 
-def _page_lines(recording: Path, procedure: str) -> str:
+def _page_lines(recording: Path, procedure: str, report: "ReplayReport") -> str:
     """Return how to see the comparison on the recordings page."""
     from haptigraph.analysis.metrics.page_address import moment_address, page_command, page_procedure
 
     folder = recording.parent
     known = page_procedure(procedure, folder)
-    lines = [f"on a page: {page_command(folder)}", moment_address(recording.name, procedure=known)]
+    step = report.first_state.step if report.first_state else None
+    lines = [
+        f"on a page: {page_command(folder)}",
+        moment_address(recording.name, step=step, procedure=known),
+    ]
     if not known:
         lines.append(f"copy {Path(procedure).name} into {folder}, so that the page can compare with it")
     return "\n".join(lines)

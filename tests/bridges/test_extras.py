@@ -8,7 +8,9 @@ import sys
 import pytest
 
 LIBRARIES = (
-    "cyclonedds", "foxglove", "matplotlib", "pydicom", "pyigtl", "pylsl", "pyrealsense2", "rosbags", "sdl2", "serial", "sounddevice",
+    "av", "cyclonedds", "distributed", "duckdb", "foxglove", "matplotlib", "networkx", "onnxruntime", "pandas",
+    "pyarrow", "pydicom", "pyigtl", "pylsl", "pyrealsense2", "rosbags", "scipy", "sdl2", "serial", "sounddevice",
+    "sqlalchemy", "statsmodels", "xarray", "z3",
 )  # fmt: skip
 PROGRAM = """
 import json, sys
@@ -60,6 +62,7 @@ def bare(tmp_path_factory, quick, quick_uri, registration_toml):
         **{uri: ["run", uri, "--registration", "eye.toml", "--record", "run.mcap"] for uri in SOURCES},
         "devices": ["devices"],
         "demo": ["demo", "--fast", "--scenario", "brief.toml", "--output", "demo"],
+        "batch": ["batch", "replay", "demo", "-o", "batch", "--procedure", "subretinal_injection_steady"],
         "draw": ["touch", "draw", "subretinal_injection:success", "-o", "success.svg"],
         "trace": ["run", "phantom:brief.toml", "--fast", "--device", "trace:touch.csv"],
         "openigtlink": ["run", "phantom:brief.toml", "--bridge", "openigtlink:0"],
@@ -118,3 +121,9 @@ def test_a_run_without_bridges_imports_none_of_their_libraries(tmp_path, quick_u
         "assert not [name for name in sys.modules if name.startswith(('haptigraph.bridges', 'haptigraph.ros2'))]"
     )
     run_bare(tmp_path, program)
+
+
+def test_a_batch_needs_no_extra(bare):
+    code, out, err = bare["batch"]
+    assert code == 0, err
+    assert "1 recording" in out

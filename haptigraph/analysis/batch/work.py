@@ -14,9 +14,8 @@ from haptigraph.analysis.batch.scoring import score_recording
 from haptigraph.analysis.batch.tasks import BatchTask, Done, Kind
 from haptigraph.analysis.exporting.runs import export_run
 from haptigraph.analysis.metrics.replay import recorded_procedure, replay
-from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.assemble import parse_procedure
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.inference.procedure import Procedure
 from haptigraph.recording.reader import RunReader
 
@@ -44,7 +43,7 @@ def _sentence(error: Exception, path: Path) -> str:
     if isinstance(error, BadInput):
         where = f"{error.place}: " if error.place and str(error.file) == str(path) else ""
         return f"{where}{error.problem}"
-    return str(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
+    return str(error) if isinstance(error, OSError | MissingExtra) else f"{type(error).__name__}: {error}"
 
 
 @lru_cache(maxsize=4)
@@ -76,6 +75,10 @@ def _replay(path: Path, task: BatchTask) -> dict[str, Any]:
 
 
 def _measure(path: Path, task: BatchTask) -> dict[str, Any]:
+    try:
+        from haptigraph.analysis.metrics.trial import measure_recording  # noqa: PLC0415 - needs an extra
+    except ModuleNotFoundError:
+        raise MissingExtra("the measures of a trial", "study") from None
     return dict(measure_recording(path))
 
 

@@ -23,9 +23,11 @@ from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.registered import BaseRegistration
+from haptigraph.version import __version__
 
 __all__ = [
     "Difference",
+    "OtherState",
     "ReplayReport",
     "recorded_config",
     "recorded_procedure",
@@ -50,12 +52,23 @@ class Difference(Struct, frozen=True):
     replayed: str
 
 
+class OtherState(Struct, frozen=True):
+    """The first step with another surgical state."""
+
+    step: int
+    """From 0."""
+    time_s: float
+    recorded: str
+    replayed: str
+
+
 class ReplayReport(Struct):
     """The result of a replay."""
 
     steps: int = 0
     identical: int = 0
     first: Difference | None = None
+    first_state: OtherState | None = None
     states_differ: int = 0
     """Steps with another surgical state."""
     haptics_differ: int = 0
@@ -76,8 +89,9 @@ class ReplayReport(Struct):
     assumed: tuple[str, ...] = ()
     """What the recorded registration assumes, by name."""
     notes: tuple[str, ...] = ()
-    """By which profile the device played, whether a perceiver of the user's own has changed, and which states
-    cannot occur because the recording's perceiver does not report what they need."""
+    """By which profile the device played, which other version recorded it, whether a perceiver of the user's
+    own has changed, and which states cannot occur because the recording's perceiver does not report what
+    they need."""
     recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
     replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
 
@@ -122,6 +136,9 @@ def replay(
             message, before, after = differing
             time_s = (recorded.stamp_ns - start_ns) / 1e9
             report.first = Difference(report.steps, time_s, message, *differing_parts(before, after))
+        states = recorded.conclusion.state, replayed.conclusion.state
+        if states[0] != states[1] and report.first_state is None:
+            report.first_state = OtherState(report.steps, (recorded.stamp_ns - start_ns) / 1e9, *states)
         report.steps += 1
         report.identical += differing is None
         _count(report, recorded, replayed)
@@ -218,6 +235,11 @@ def _notes(reader: RunReader, procedure: Procedure) -> tuple[str, ...]:
     info = reader.info
     played = f"the device played amplitudes by its profile, sha256 {info.device_profile_sha256[:12]}"
     notes: tuple[str, ...] = (played,) if info.device_profile else ()
+    if info.version != __version__:
+        notes += (
+            f"recorded by haptigraph {info.version}, replayed by {__version__}: "
+            "steps also differ where perception has changed since",
+        )
     name = assemble.perceiver_name(recorded_config(reader), procedure)
     if is_own(name):
         notes += (_own_note(reader, name),)

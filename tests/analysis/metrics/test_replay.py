@@ -19,7 +19,8 @@ def recording(quick_uri, tmp_path_factory) -> Path:
 def test_a_replay_is_identical_step_by_step(recording):
     report = replay(recording)
     assert report.steps == report.identical == 117
-    assert report.first is None
+    assert report.first is report.first_state is None
+    assert report.notes == ()
     assert report.recorded.completion_s == report.replayed.completion_s > 1
     assert (report.is_whole, report.dropped_images) == (True, 0)
 
@@ -32,6 +33,12 @@ def test_another_procedure_leads_to_other_steps(recording, procedure, tmp_path):
     assert report.first.message == "graph"
     assert "approaching" in report.first.replayed
     assert "approaching" not in report.first.recorded
+    other = report.first_state
+    assert (other.recorded, other.replayed) == (
+        "misaligned_intraocular_navigation",
+        "misaligned_retinal_approach",
+    )
+    assert 0 < other.step < report.steps
     near = "misaligned_retinal_approach"
     assert report.replayed.state_s[near] > report.recorded.state_s[near]
 
@@ -45,3 +52,9 @@ def test_a_change_of_a_pattern_alone_differs_in_the_command(recording, procedure
 def test_an_unknown_procedure_is_refused(recording):
     with pytest.raises(BadInput, match="unknown procedure"):
         replay(recording, "nothing")
+
+
+def test_a_run_of_another_version_says_so(recording, monkeypatch):
+    monkeypatch.setattr("haptigraph.analysis.metrics.replay.__version__", "9.9.9")
+    (note,) = replay(recording).notes
+    assert note.endswith("replayed by 9.9.9: steps also differ where perception has changed since")
