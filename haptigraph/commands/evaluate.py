@@ -25,10 +25,14 @@ __all__ = ["evaluate"]
 @click.option(
     "--volumes",
     metavar="FOLDER",
-    help="Score poses in labelled OCT volumes instead (docs/explanation/volume_accuracy.md).",
+    help="Score poses in labelled OCT volumes instead (documentation: Accuracy on volumes).",
 )
 @voxel_option
-@click.option("--perceiver", metavar="NAME", help="Perceiver to score; with --simulated the default is all.")
+@click.option(
+    "--perceiver",
+    metavar="NAME",
+    help="Perceiver to score, also MODULE:CLASS; --simulated: default threshold, then tracker.",
+)
 @click.option("--seed", type=click.IntRange(min=0), help="Random seed of the simulated scenes.")
 @click.option(
     "--as-recorded",

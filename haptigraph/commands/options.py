@@ -135,7 +135,7 @@ def run_options(command: Command) -> Command:
             "--accept-assumed",
             is_flag=True,
             default=None,
-            help="Vibrate although the registration assumes the target (docs/explanation/safety.md).",
+            help="Vibrate although the registration assumes the target (documentation: Safety).",
         ),
         click.option(
             "--robot", metavar="ROBOT", help="Read a robot, e.g. crtk:PSM1; only live --steer moves it."

@@ -228,7 +228,8 @@ def _device_of(
 def procedure() -> None:
     """List the shipped procedures, or copy one to edit.
 
-    A procedure is a TOML file with rules and haptic patterns; docs/reference/procedures.md explains each key.
+    A procedure is a TOML file with rules and haptic patterns. The documentation's page Procedures explains
+    each key.
     """
 
 

@@ -60,6 +60,14 @@ class Series(Struct):
         """Return a measure at every step; nan where it is missing."""
         return [step.graph.measures.get(measure, float("nan")) for step in self.steps]
 
+    def device_faults_s(self) -> list[float]:
+        """Return when the device reported a fault [s]."""
+        return [
+            time_s
+            for time_s, step in zip(self.time_s, self.steps, strict=True)
+            if any(fault.where == "device" for fault in step.faults)
+        ]
+
     def amplitudes(self) -> tuple[list[float], list[float]]:
         """Return times [s] and the commanded amplitude, sampled finely enough to show every pulse."""
         start_ns = self.steps[0].stamp_ns

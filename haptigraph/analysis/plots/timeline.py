@@ -125,4 +125,9 @@ def _draw_distances(axes: "Axes", series: Series, names: list[str]) -> None:
 def _draw_haptics(axes: "Axes", series: Series) -> None:
     fine_s, amplitude = series.amplitudes()
     axes.fill_between(fine_s, amplitude, step="post", color=COLORS["purple"], linewidth=0, label="amplitude")
-    axes.set(ylabel="amplitude", ylim=(0, 1.05), xlabel="time [s]", xlim=(0, max(series.time_s[-1], 1e-3)))
+    failed_s = series.device_faults_s()
+    if failed_s:  # what was commanded was perhaps not played
+        label = "device fault"
+        axes.plot(failed_s, [1.0] * len(failed_s), "x", color=COLORS["red"], markersize=5, label=label)
+        axes.legend(**ABOVE, ncols=2, frameon=False)
+    axes.set(ylabel="amplitude", ylim=(0, 1.1), xlabel="time [s]", xlim=(0, max(series.time_s[-1], 1e-3)))

@@ -67,7 +67,7 @@ def simulate(
     steered_min = done.steered_s / 60
     click.echo(
         f"{count} SIMULATED participants, {done.participants} of them now: {done.trials} trials, "
-        f"{steered_min:.1f} simulated minutes in {wall_min:.1f}"
+        f"{steered_min:.1f} simulated minutes in {wall_min:.1f} real minutes, training included"
     )
     click.echo(f"next: haptigraph study report {Path(folder)} -o {Path(folder) / 'report'}")
 

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from haptigraph.analysis.plots.series import Series, read_series
 from haptigraph.analysis.plots.timeline import draw_timeline
 from haptigraph.errors import BadInput
+from haptigraph.messages import Fault
 from haptigraph.recording.reader import RunReader
 
 
@@ -26,6 +27,16 @@ def without(series: Series, *measures: str) -> Series:
         return replace(step, graph=replace(step.graph, measures=kept))
 
     return Series(series.time_s, [lacks(step) for step in series.steps], series.procedure, series.paints)
+
+
+def test_faults_of_the_device_are_marked(series):
+    assert not any("device fault" in labels for labels in drawn(series).values())
+    steps = [*series.steps]
+    observation = replace(steps[40].observation, faults=(Fault("device", "does not respond"),))
+    steps[40] = replace(steps[40], observation=observation)
+    faulty = Series(series.time_s, steps, series.procedure, series.paints)
+    assert faulty.device_faults_s() == [series.time_s[40]]
+    assert sum("device fault" in labels for labels in drawn(faulty).values()) == 1
 
 
 def drawn(series: Series) -> dict[str, list[str]]:
