@@ -86,6 +86,6 @@ def _print_contents(contents: "Contents") -> None:
     if people:
         print_status(
             f"haptigraph: {len(people)} of {contents.participants} participants: nobody else has their "
-            f"combination of {', '.join(columns)}; who knows it finds their data; give --without: "
-            f"{', '.join(people)}"
+            f"combination of {', '.join(columns)}; who knows it finds their data. They are "
+            f"{', '.join(people)}; leave columns out with --without COLUMN"
         )
