@@ -4,7 +4,7 @@ import gc
 import os
 import re
 import signal
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 # Before NumPy and OpenCV: their matrices and images here are small, so threads of every worker and program would only
@@ -66,7 +66,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_collection() -> Iterator[None]:
+def pytest_collection() -> Generator[None, object, object]:
     """Keep modules and items of tests, which stay anyway, out of every garbage collection.
 
     With thousands of tests one takes a third of a second, and statsmodels starts one at each correction of p-values.
