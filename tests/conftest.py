@@ -1,9 +1,10 @@
 """Shared fixtures. The eye of the tests is the simulator's; clips beside the checkout are used where present."""
 
+import gc
 import os
 import re
 import signal
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 # Before NumPy and OpenCV: their matrices and images here are small, so threads of every worker and program would only
@@ -62,6 +63,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if is_in_real_time(item.path) or item.get_closest_marker("browser"):
             item.add_marker("realtime")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Keep modules and items of tests, which stay anyway, out of every garbage collection.
+
+    With thousands of tests one takes a third of a second, and statsmodels starts one at each correction of p-values.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.collect()
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")

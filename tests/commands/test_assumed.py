@@ -16,7 +16,7 @@ from haptigraph.registration.loading import load_registration, parse_registratio
 def folder(quick_uri, tmp_path_factory) -> Path:
     """`assumed.toml` and `stated.toml`, and a recording with the former."""
     folder = tmp_path_factory.mktemp("assumed")
-    report = call("register", quick_uri, "-o", folder / "assumed.toml").stdout
+    report = call("register", quick_uri, "-o", folder / "assumed.toml", "--images", "12").stdout
     (folder / "report.txt").write_text(report)
     call(
         "register",
@@ -28,6 +28,8 @@ def folder(quick_uri, tmp_path_factory) -> Path:
         "--diameter-mm",
         "24",
         "--mirrored",
+        "--images",
+        "12",
     )
     run = call(
         "run", quick_uri, "--fast", "--registration", folder / "assumed.toml", "--record", folder / "run.mcap"

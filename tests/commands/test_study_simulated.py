@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from helpers import call, refuse
 
+from haptigraph.analysis.study.figures import drawn
+from haptigraph.analysis.study.figures.style import rendered
 from haptigraph.study.exchange.exporting import TABLES
 
 
@@ -36,7 +38,8 @@ def reported(study, output):
     return {str(path.relative_to(output)): path.read_bytes() for path in files}
 
 
-def test_every_file_of_a_simulated_report_is_marked_as_simulated(study, tmp_path):
+def test_every_file_of_a_simulated_report_is_marked_as_simulated(study, tmp_path, monkeypatch):
+    monkeypatch.setattr(drawn, "rendered", lambda figure: rendered(figure, ("svg",)))  # others take seconds
     files = reported(study, tmp_path / "report")
     page = files["report.html"].decode()
     assert "<h1>Does touch help to align a needle?</h1>" in page

@@ -11,6 +11,9 @@ import pytest
 from helpers import call
 from paths import ROOT
 
+from haptigraph.analysis.study.figures import drawn
+from haptigraph.analysis.study.figures.style import rendered
+
 DECIMAL = re.compile(r"-?\d+\.\d+(e-?\d+)?")
 V0_1 = ROOT / "tests" / "data" / "v0_1"
 TABLES = ("participants", "sessions", "stages", "answers", "trials", "events")
@@ -100,6 +103,7 @@ def test_an_export_is_the_same_and_is_imported(study, tmp_path):
 
 
 def test_a_report_is_written_without_warnings_about_recorded_procedures(study, tmp_path, monkeypatch):
+    monkeypatch.setattr(drawn, "rendered", lambda figure: rendered(figure, ("svg",)))  # others take seconds
     result = succeed("report", study, "-o", tmp_path / "report")
     assert [line for line in result.stderr.splitlines() if "is now called" not in line] == []
     assert "SIMULATED" in (tmp_path / "report/report.html").read_text()

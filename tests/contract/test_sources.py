@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import cv2
 import numpy as np
 import pytest
+from helpers import mostly_slow
 from streaming import StreamingCamera
 
 from haptigraph import assemble
@@ -161,7 +162,7 @@ def test_a_source_delivers_ordered_captures_and_then_ends_for_good(uri):
     source.close()
 
 
-@pytest.mark.parametrize("uri", FILES, indirect=True)
+@pytest.mark.parametrize("uri", mostly_slow(FILES, "phantom", "rosbag", "video"), indirect=True)
 def test_opening_again_delivers_the_same_images(uri):
     first, second = open_uri(uri), open_uri(uri)
     for one, other in zip(drain(first), drain(second), strict=True):
@@ -181,7 +182,7 @@ def test_a_file_can_be_closed_before_its_end(uri):
     source.close()
 
 
-@pytest.mark.parametrize("uri", FILES, indirect=True)
+@pytest.mark.parametrize("uri", mostly_slow(FILES, "phantom", "realsense-file", "video"), indirect=True)
 def test_a_recorded_run_replays_identically_with_the_cameras_stamps(uri, eye, tmp_path):
     run = tmp_path / "run.mcap"
     settings = (

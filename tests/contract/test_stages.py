@@ -70,7 +70,7 @@ def perceiver(perceiver_class, phantom_images):
 
 
 def test_a_perceiver_is_deterministic_and_its_shaft_ends_beside_its_tip(perceiver, phantom_images):
-    _, captures = phantom_images
+    captures = phantom_images[1][::3]
     assert isinstance(perceiver, Perceiver)
     first = [perceiver(capture) for capture in captures]
     perceiver.reset()
@@ -99,7 +99,7 @@ def test_a_perceiver_reports_only_the_entities_that_its_class_lists(perceiver, p
 
 def test_a_perceiver_does_not_read_the_truth(perceiver, phantom_images):
     _, captures = phantom_images
-    some = captures[len(captures) // 2 :]
+    some = captures[len(captures) // 2 :: 4]
     with_truth = [perceiver(capture) for capture in some]
     perceiver.reset()
     without = [Capture(c.index, c.stamp_ns, c.image) for c in some]

@@ -5,6 +5,7 @@ from importlib.resources import files
 
 import cv2
 import pytest
+from helpers import mostly_slow
 from inspecting import use_theme
 from paths import DATA
 
@@ -104,7 +105,7 @@ def eyes():
     }
 
 
-@pytest.mark.parametrize("eye", ["darkest", "brightest"])
+@pytest.mark.parametrize("eye", mostly_slow(["darkest", "brightest"], "brightest"))
 def test_overlays_stand_out_from_the_eye(eyes, eye, live, open_page):
     page = open_page(live.url)
     for overlay in ("cone", "zone", "needle", "uncertainty"):
@@ -113,7 +114,7 @@ def test_overlays_stand_out_from_the_eye(eyes, eye, live, open_page):
         assert ratio >= 3, (overlay, state)
 
 
-@pytest.mark.parametrize("line", ["globe", "retina", "axis"])
+@pytest.mark.parametrize("line", mostly_slow(["globe", "retina", "axis"], "axis"))
 def test_lines_of_a_draft_stand_out_from_any_grey(line, live, open_page):
     page = open_page(f"{live.url}registration", module="/static/registration/registration.js", ready="true")
     worst = page.evaluate(

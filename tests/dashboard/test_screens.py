@@ -226,12 +226,9 @@ SCENES = (
 
 USUAL = (
     live_contact,
-    live_disconnected,
-    live_mapping,
     recordings_run,
     registration_draft,
     study_training,
-    study_participant_questionnaire,
 )
 """Every change is tested in these states; `make test-slow` tests all."""
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from firmata_board import Board
+from helpers import mostly_slow
 from real_run import Rig
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -51,7 +52,7 @@ def await_commands(rig, count):
         assert board.changed.wait_for(lambda: board.commands >= target, 30)
 
 
-@pytest.mark.parametrize("rig", ["serial", "gamepad", "audio"], indirect=True)
+@pytest.mark.parametrize("rig", mostly_slow(["serial", "gamepad", "audio"], "serial"), indirect=True)
 def test_a_transient_fault_is_silenced_in_time_and_reported_and_vibration_resumes(rig):
     for fault, message in (
         ("stale image", "source: stale image: none for 100 ms"),
@@ -72,7 +73,10 @@ def test_a_transient_fault_is_silenced_in_time_and_reported_and_vibration_resume
 
 @pytest.mark.parametrize(
     ("rig", "ending"),
-    [("serial", "SIGTERM"), ("serial", "SIGHUP"), ("gamepad", "SIGTERM")],
+    [
+        ("gamepad", "SIGTERM"),
+        *(pytest.param("serial", name, marks=pytest.mark.slow) for name in ("SIGTERM", "SIGHUP")),
+    ],
     indirect=["rig"],
 )
 def test_signals_silence_the_device_at_once(rig, ending):
@@ -97,7 +101,7 @@ def test_a_killed_run_provides_no_more_samples_to_the_sound_card(tmp_path):
         end(rig, code=-signal.SIGKILL, whole=False)  # the process that fills the buffers is gone
 
 
-@pytest.mark.parametrize("rig", ["serial", "audio"], indirect=True)
+@pytest.mark.parametrize("rig", mostly_slow(["serial", "audio"], "audio"), indirect=True)
 def test_three_failures_of_the_perceiver_end_the_run_with_one_sentence(rig):
     rig.silent_in_time("perceiver fails", rig.begin("perceiver fails"))
     assert "haptigraph: perception failed on 3 images in a row: ValueError: injected" in end(rig, code=2)
@@ -139,7 +143,7 @@ def test_a_lost_board_is_reported_once_and_vibrates_again_when_it_is_back(rig):
     end(rig)
 
 
-@pytest.mark.parametrize("rig", ["serial", "gamepad"], indirect=True)
+@pytest.mark.parametrize("rig", mostly_slow(["serial", "gamepad"], "gamepad"), indirect=True)
 def test_a_watchdog_process_that_hangs_is_replaced_and_vibration_resumes(rig):
     began_ns = time.monotonic_ns()
     os.kill(rig.watchdog(), signal.SIGSTOP)
@@ -151,7 +155,7 @@ def test_a_watchdog_process_that_hangs_is_replaced_and_vibration_resumes(rig):
     end(rig)
 
 
-@pytest.mark.parametrize("rig", ["serial", "gamepad"], indirect=True)
+@pytest.mark.parametrize("rig", mostly_slow(["serial", "gamepad"], "serial"), indirect=True)
 def test_a_watchdog_process_that_hangs_at_the_end_leaves_no_vibration(rig):
     watchdog = rig.watchdog()
     began_ns = time.monotonic_ns()

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import cv2
 import pytest
+from helpers import mostly_slow
 from real_run import SHARED_MS, LatencyProbe
 from streaming import StreamingCamera
 
@@ -97,7 +98,7 @@ def eye(quick, tmp_path):
     return source.read(1.0).image, file
 
 
-@pytest.fixture(params=["unplugged", "hangs", "realsense"])
+@pytest.fixture(params=mostly_slow(["unplugged", "hangs", "realsense"], "unplugged", "hangs"))
 def running(request, eye, tmp_path):
     """A run, and functions that disconnect and reconnect its camera."""
     image, registration = eye

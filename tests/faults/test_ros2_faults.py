@@ -7,6 +7,7 @@ import pytest
 pytest.importorskip("cyclonedds")
 pytest.importorskip("serial")
 
+from helpers import mostly_slow
 from real_run import Rig
 from ros_network import broken_program
 
@@ -15,7 +16,7 @@ from haptigraph.recording.reader import RunReader
 pytestmark = [pytest.mark.xdist_group("faults"), pytest.mark.timeout(180)]
 
 
-@pytest.fixture(params=["ros2", "crtk"])
+@pytest.fixture(params=mostly_slow(["ros2", "crtk"], "ros2"))
 def rig(request, ros_network, tmp_path):
     with Rig(tmp_path, request.param, "--bridge", "ros2") as rig:
         await_steady(rig)

@@ -9,6 +9,7 @@ from contextlib import suppress
 
 import pytest
 from firmata_board import Board
+from helpers import mostly_slow
 
 from haptigraph.errors import BadInput, DeviceError
 from haptigraph.haptics.watchdog import HOLDS_MS, WatchedDevice
@@ -204,7 +205,9 @@ def test_a_device_that_cannot_be_opened_is_one_sentence(board, argument):
         WatchedDevice(FIRMATA, argument.format(port=board.link), "serial")
 
 
-@pytest.mark.parametrize("ending", ["SIGKILL", "SIGSTOP", "SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(
+    "ending", mostly_slow(["SIGKILL", "SIGSTOP", "SIGINT", "SIGTERM"], "SIGKILL", "SIGSTOP")
+)
 def test_a_run_that_dies_or_hangs_leaves_no_vibration(board, ending):
     program = RUN.format(path=FIRMATA, argument=str(board.link), then="signal.pause()")
     with subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.DEVNULL) as run:

@@ -136,6 +136,7 @@ def environment(tmp_path_factory):
     return environment
 
 
+@pytest.mark.slow
 def test_a_strictly_typed_program_is_checked_against_the_wheel(environment, tmp_path):
     program = tmp_path / "program.py"
     program.write_text(PROGRAM)

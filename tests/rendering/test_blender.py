@@ -67,6 +67,7 @@ def grey(image, at_px):
     return float(image[y, x])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     not (BLENDER / "ready").exists(), reason="no Blender in .venv-rendering; make render puts it there"
 )

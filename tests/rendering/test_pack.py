@@ -62,6 +62,7 @@ def clip(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow  # `make test` evaluates clips of Blender
 def test_evaluate_reads_the_clip_and_finds_the_needle_at_its_true_position(clip):
     scores = json.loads(call("evaluate", str(clip), "--json").output)
     assert scores["images"] == IMAGES + AWAY_IMAGES

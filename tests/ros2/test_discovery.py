@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from helpers import mostly_slow
 from ros_network import tag, until
 
 pytest.importorskip("cyclonedds")
@@ -87,7 +88,7 @@ def test_off_finds_nobody_while_others_find_each_other():
             assert not any(other.finds(lonely) for other in others)
 
 
-@pytest.mark.parametrize("is_late", [False, True])
+@pytest.mark.parametrize("is_late", mostly_slow([False, True], True))
 def test_a_static_peer_is_found_and_finds_back(is_late):
     asking = in_range("asking", "SUBNET", ROS_STATIC_PEERS="127.0.0.1; ")
     if is_late:
@@ -97,6 +98,7 @@ def test_a_static_peer_is_found_and_finds_back(is_late):
         until(lambda: asking.finds(asked) and asked.finds(asking), "the peer is not found")
 
 
+@pytest.mark.slow
 def test_without_multicast_and_static_peer_nobody_is_found():
     with participants(in_range("first", ""), in_range("second", "SUBNET")) as (first, second):
         end_s = time.monotonic() + 2.0

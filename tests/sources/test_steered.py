@@ -7,6 +7,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from helpers import mostly_slow
 from mcap.reader import make_reader
 from msgspec import Struct
 from paths import DATA, ROOT
@@ -230,7 +231,10 @@ def steer_to_the_target(uri: str, settings: TeleopSettings, *more: str) -> list[
 
 @pytest.mark.parametrize(
     "settings",
-    [TeleopSettings(0.2), TeleopSettings(1.0), TeleopSettings(0.2, True), TeleopSettings(0.2, True, 0.3)],
+    mostly_slow(
+        [TeleopSettings(0.2), TeleopSettings(1.0), TeleopSettings(0.2, True), TeleopSettings(0.2, True, 0.3)],
+        TeleopSettings(0.2, True, 0.3),
+    ),
     ids=["fifth", "whole", "filtered", "trembling"],
 )
 def test_steering_by_steps_alone_hits_the_target_without_touching_the_retina(uri, settings):

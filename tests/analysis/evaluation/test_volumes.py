@@ -72,6 +72,7 @@ def test_unknown_poses_and_gross_errors_are_counted(folder):
     assert scores["gross_errors"] == 1
 
 
+@pytest.mark.slow
 def test_a_calibration_far_off_does_not_move_the_map(folder):
     path, poses, _ = folder
     poses[30] = pose(np.array([0.5, 0.5, 0.3, 3, 3, 4]), poses[30].tip_mm + 1.5)

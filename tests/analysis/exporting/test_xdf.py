@@ -6,7 +6,7 @@ import uuid
 import numpy as np
 import pytest
 from helpers import call, refuse
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptigraph.analysis.exporting.lsl_streams import LslSamples, LslStream
@@ -99,6 +99,7 @@ def test_without_corrections_the_stamps_are_the_same(exported):
         assert np.array_equal(one["time_stamps"], other["time_stamps"])
 
 
+@settings(max_examples=15)
 @given(
     texts=st.lists(st.text(max_size=300), max_size=5),
     numbers=st.lists(st.tuples(st.floats(), st.floats()), max_size=5),

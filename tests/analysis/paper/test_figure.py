@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import cv2
 import numpy as np
 import pytest
+from helpers import mostly_slow
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -79,7 +80,7 @@ def test_pictures_have_scale_bars_of_the_right_length(drawn, registration):
     assert texts(figure).count("5 mm") == 3
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", mostly_slow(KINDS, "timeline"))
 def test_equal_runs_give_equal_bytes_and_fonts_are_embedded(run, tmp_path, drawn, kind):
     paper_figure(run, kind, tmp_path / "other.pdf")
     _, one = drawn(kind)

@@ -2,13 +2,14 @@
 
 import math
 import re
+from itertools import islice
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from helpers import draw_rod
+from helpers import draw_rod, mostly_slow
 from registration import errors_px, invalid_pictures, random_view
 
 from haptigraph.analysis.registering.registering import all_images, plausible_anatomy
@@ -209,6 +210,7 @@ def test_a_camera_cannot_be_registered_directly(tmp_path):
     assert "record a short clip" in refuse("camera:0", "-o", tmp_path / "eye.toml")
 
 
+@pytest.mark.slow  # `make test` finds tilts in tests/perception
 def test_a_tilted_camera_has_a_homography(quick, tmp_path):
     scenario = Path(quick).read_text().replace("blur_px", "tilt_deg = [-6, 9]\ndistance_mm = 150\nblur_px")
     scenario = scenario.replace("width_px = 480\nheight_px = 270", "width_px = 960\nheight_px = 540")
@@ -229,7 +231,7 @@ def test_a_tilted_camera_has_a_homography(quick, tmp_path):
         assert math.dist(found.image.to_px(point), truth.image.to_px(point)) < 2.0
 
 
-@pytest.mark.parametrize("number", [1, 4, *(pytest.param(each, marks=pytest.mark.slow) for each in (8, 13))])
+@pytest.mark.parametrize("number", mostly_slow([1, 4, 8, 13], 1))
 def test_random_views_are_registered(number):
     view = random_view(number, 77)
     errors = errors_px(plausible_anatomy(view.images, 2 * view.radius_mm, view.label), view)
@@ -238,8 +240,9 @@ def test_random_views_are_registered(number):
     assert errors.retina_px < 2.0, view.label
 
 
-def test_images_without_a_valid_eye_are_refused_with_the_reason():
-    for name, image in invalid_pictures(1, 77):
+@pytest.mark.parametrize("number", mostly_slow([0, 1], 0))
+def test_images_without_a_valid_eye_are_refused_with_the_reason(number):
+    for name, image in islice(invalid_pictures(1, 77), number, None, 2):
         with pytest.raises(BadInput, match=r"no eye|cut off|blurred|too small|only one edge"):
             plausible_anatomy([image], 24.0, name)
 

@@ -1,4 +1,3 @@
-import gc
 import hashlib
 import json
 import pickle
@@ -16,8 +15,6 @@ from study_tables import simulated_study, write_study
 
 from haptigraph.analysis.study import results
 from haptigraph.analysis.study.figures.style import ONE_COLUMN_MM, TWO_COLUMNS_MM
-
-gc.freeze()  # statsmodels collects garbage at every correction; what is imported by now is none
 
 
 def remembered(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -80,6 +80,7 @@ def kill_a_worker(done):
         os.kill(worker.pid, signal.SIGKILL)
 
 
+@pytest.mark.slow  # `make test` kills workers of batches, in the same pool
 def test_a_killed_worker_loses_no_result_and_stored_results_are_reused(quick, tmp_path):
     sweep, reports = Sweep(quick, 4, 1, variations_of(["align_share=0,1"])), []
 

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import ifaddr
 import pytest
-from helpers import call
+from helpers import call, mostly_slow
 from live_bench import Live, hide, until
 from visiting import next_text, watching
 
@@ -83,6 +83,7 @@ def test_the_robot_moves_while_the_key_is_held(page):
     page.wait_for_selector("#robot:not(.moving)")
 
 
+@pytest.mark.slow  # `make test` holds the key
 @pytest.mark.browser
 def test_the_button_is_a_dead_man_too(page):
     page.wait_for_selector("#robot-switch:enabled")
@@ -114,7 +115,9 @@ def test_a_window_that_loses_focus_releases_until_everything_was_let_go(page):
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("leave", [hide, lambda page: page.close()], ids=["hidden", "closed"])
+@pytest.mark.parametrize(
+    "leave", mostly_slow([lambda page: page.close(), hide], hide), ids=["closed", "hidden"]
+)
 def test_a_page_that_is_left_switches_motion_off(page, open_page, leave):
     url = page.url
     start(page)

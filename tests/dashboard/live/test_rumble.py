@@ -58,6 +58,7 @@ def test_rumble_follows_the_patterns(quick_uri, open_page):
     assert "sp" not in played and "ps" not in played
 
 
+@pytest.mark.slow  # `make test` calls the same module without a run
 def test_commands_keep_their_distance_and_end_with_the_data(quick_uri, open_page):
     with Live(quick_uri) as live:
         page = open_page(live.url, pad=True)

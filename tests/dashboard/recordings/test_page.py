@@ -141,6 +141,7 @@ def test_the_image_is_that_of_the_step(archive, open_page, recordings, records):
     assert int(np.argmin(distances)) == 30
 
 
+@pytest.mark.slow
 def test_space_plays_in_real_time(archive, open_page, records):
     page = open_run(open_page, archive)
     started_ms = page.evaluate("performance.now()")
@@ -299,6 +300,7 @@ def test_an_address_names_a_step_and_a_procedure_to_compare_with(archive, open_p
     assert "step 40 of" in page.inner_text("#now")
 
 
+@pytest.mark.slow  # `make test` finds them in test_folder.py
 def test_the_form_finds_recordings_and_links_to_the_first_step(quick_uri, open_page, recordings, tmp_path):
     folder = Path(shutil.copytree(recordings, tmp_path / "recordings", symlinks=True))
     update_archive(folder)

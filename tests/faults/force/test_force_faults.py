@@ -4,6 +4,7 @@ import random
 
 import pytest
 import trials_of_force
+from helpers import mostly_slow
 from trials import BrokenPromise
 from trials_of_force import CASES, forced_hand
 
@@ -19,7 +20,13 @@ class Chosen(random.Random):
         return self._case
 
 
-@pytest.mark.parametrize("case", CASES, ids=" ".join)
+LIKE_OTHERS = (  # a signal as strong as SIGKILL, and further impossible measurements
+    *(("run", "SIGTERM"), ("process", "SIGTERM")),
+    *(("device", "freeze"), ("device", "jump"), ("device", "speed")),
+)
+
+
+@pytest.mark.parametrize("case", mostly_slow(CASES, *(set(CASES) - set(LIKE_OTHERS))), ids=" ".join)
 def test_the_hand_is_let_go(case, tmp_path):
     measured = forced_hand(Chosen(1, case), tmp_path)
     assert measured.what == f"{case[1]} of the {case[0]}"

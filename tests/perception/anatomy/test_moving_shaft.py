@@ -53,6 +53,7 @@ def test_a_shadow_that_sweeps_over_the_eye_does_not_count_as_motion(images):
     assert error_px([lit(image, light) for image, light in zip(images, lights, strict=True)]) < 2
 
 
+@pytest.mark.slow
 def test_a_static_bar_is_not_the_needle_even_if_it_flickers(images):
     rng = np.random.default_rng(4)
     (x, y), radius_px = TRUTH.image.center_px, find_rim(median_image(images)).inner.radius_px

@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from helpers import mostly_slow
 from paths import RENDERINGS
 
 from haptigraph.analysis.evaluation.evaluation import evaluate_clip
@@ -90,7 +91,7 @@ def degrade(folder: Path, degraded: Path, how: Callable[[np.ndarray, int], np.nd
 
 
 @pytest.mark.parametrize("name", ["black_round", pytest.param("dark_bowl_long", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("how", DEGRADED, ids=lambda how: how.__name__)
+@pytest.mark.parametrize("how", mostly_slow(DEGRADED, noisy, with_beads), ids=lambda how: how.__name__)
 def test_locates_a_rendered_needle_in_degraded_images(how, name, tmp_path):
     scores = evaluate_clip(degrade(RENDERINGS / name, tmp_path / name, how), load_config()).scores
     assert scores["detection_rate"] == 1

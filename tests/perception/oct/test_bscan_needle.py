@@ -5,6 +5,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from helpers import mostly_slow
 from scans.bscans import in_px, line_distance_px, perceiver_of, scan_of_bevel, visible_columns_of
 
 from haptigraph.geometry import Polyline, height_on_polyline
@@ -59,25 +60,27 @@ class Scored:
 
 @pytest.fixture(scope="module")
 def scored():
-    return [Scored(number) for number in range(96)]
+    return [Scored(number) for number in range(24)]
 
 
 def p68(ratios):
     return np.percentile(ratios, 68)
 
 
-def test_the_reported_standard_deviations_are_true(scored):
+@pytest.mark.parametrize(("scenes", "most"), [(24, 1.6), pytest.param(96, 1.38, marks=pytest.mark.slow)])
+def test_the_reported_standard_deviations_are_true(scored, scenes, most):
     """Within what the 68th percentile of so few scenes scatters by; benchmarks/bscan.py takes more."""
+    scored = [*scored, *map(Scored, range(len(scored), scenes))]
     complete = [one for one in scored if one.is_complete()]
-    assert len(complete) >= 72
+    assert len(complete) >= 0.75 * scenes
     tips = [
         math.dist(one.found["needle_tip"].at_mm, one.image.to_mm(one.truth.needle.tip_px))
         / one.observation.certainty.tip_sd_mm
         for one in complete
     ]
-    assert 0.62 <= p68(tips) <= 1.38
+    assert 2 - most <= p68(tips) <= most
     for name in ("ilm", "rpe"):
-        assert 0.62 <= p68([one.gap_ratio(name) for one in complete]) <= 1.38
+        assert 2 - most <= p68([one.gap_ratio(name) for one in complete]) <= most
         assert 0.7 <= p68(np.concatenate([one.surface_ratios(name) for one in complete])) <= 1.3
 
 
@@ -94,7 +97,7 @@ def test_above_the_retina_the_tip_is_exact_and_the_line_runs_along_the_shaft(sco
     tips = [
         math.dist(one.image.to_px(one.found["needle_tip"].at_mm), one.truth.needle.tip_px) for one in above
     ]
-    assert len(tips) >= 20
+    assert len(tips) >= 5
     assert np.percentile(tips, 95) <= 3
     for one in above:
         (x, y), (dx, dy) = one.truth.needle.tip_px, one.truth.needle.along_px
@@ -102,8 +105,8 @@ def test_above_the_retina_the_tip_is_exact_and_the_line_runs_along_the_shaft(sco
         assert max(line_distance_px(one.observation, one.image, point) for point in visible) <= 1
 
 
-@pytest.mark.parametrize("drop_px", [15, 30, 45])
-@pytest.mark.parametrize("before_px", [0, 8, 20])
+@pytest.mark.parametrize("before_px", mostly_slow([0, 8, 20], 8))
+@pytest.mark.parametrize("drop_px", mostly_slow([15, 30, 45], 30))
 def test_a_bevel_in_two_parts_is_joined_and_leaves_the_line_on_the_shaft(drop_px, before_px):
     errors_px, ratios = [], []
     for number in range(12):
@@ -143,7 +146,7 @@ def lengths_of(found):
     ]
 
 
-@pytest.mark.parametrize("factor", [0.7, 1.5, 2.0])
+@pytest.mark.parametrize("factor", mostly_slow([0.7, 1.5, 2.0], 0.7))
 def test_a_scan_of_another_resolution_has_the_same_lengths(factor):
     changes, tips_mm = [], []
     for number in range(0, 24):
@@ -166,7 +169,7 @@ def test_a_scan_of_another_resolution_has_the_same_lengths(factor):
     assert np.percentile(tips_mm, 90) <= 0.012
 
 
-@pytest.mark.parametrize("scenes", [10, pytest.param(30, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("scenes", [4, pytest.param(30, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("fixed", WITHOUT_NEEDLE, ids=lambda fixed: "-".join(fixed) or "usual")
 def test_no_needle_is_found_where_there_is_none(fixed, scenes):
     for number in range(scenes):
