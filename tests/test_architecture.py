@@ -17,6 +17,7 @@ STAGES = ("perception", "scene", "inference")
 UNITS = {
     "mm",
     "um",
+    "pt",  # of print
     "px",
     "n",
     "mj",

@@ -35,16 +35,8 @@ def test_it_is_committed_without_outputs(path):
     assert "not a medical device" in notebook.cells[0].source
 
 
-# Those of Jupyter's own libraries. `make docs` runs all of them as well.
-@pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(path, marks=() if path.stem == "perceiver_of_your_own" else pytest.mark.slow)
-        for path in NOTEBOOKS
-    ],
-    ids=lambda path: path.stem,
-)
+@pytest.mark.filterwarnings("default")  # of Jupyter's own libraries
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_it_runs(path, tmp_path, monkeypatch):
     for extra in ("pandas", "xarray", *(["sqlalchemy"] if path.stem == "table_of_a_study" else [])):
         pytest.importorskip(extra)
