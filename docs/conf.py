@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 from sphinx.application import Sphinx
+from sphinx.ext.napoleon.docstring import GoogleDocstring
 
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent
@@ -137,13 +138,7 @@ def _default(field: msgspec.structs.FieldInfo) -> str:
     )
 
 
-def _keep_colon(_app: Sphinx, what: str, _name: str, _item: Any, _options: Any, lines: list[str]) -> None:
-    """Keep napoleon from taking what precedes a colon in a field's docstring for its type."""
-    if what in ("attribute", "data", "property") and lines and ":" in lines[0]:
-        lines.insert(0, "")
-
-
 def setup(app: Sphinx) -> None:
-    """Connect the two above."""
+    """Shorten signatures; a colon in a field's docstring ends no type."""
     app.connect("autodoc-process-signature", _shorten_signature)
-    app.connect("autodoc-process-docstring", _keep_colon, priority=1)
+    GoogleDocstring._parse_attribute_docstring = GoogleDocstring._consume_to_end  # noqa: SLF001 - no setting
