@@ -97,7 +97,8 @@ def test_replay_under_another_procedure_says_what_differs_and_where_to_see_it(re
     assert "http://127.0.0.1:8765/recordings#run.mcap" in result.output
     assert "copy other.toml into" in result.output
     shipped = call("replay", recording, "--procedure", "subretinal_injection_cautious").output
-    assert "http://127.0.0.1:8765/recordings#run.mcap?with=subretinal_injection_cautious" in shipped
+    assert "http://127.0.0.1:8765/recordings#run.mcap?step=" in shipped
+    assert "&with=subretinal_injection_cautious" in shipped
 
 
 def test_a_replay_that_differs_exits_with_1(recording, monkeypatch):

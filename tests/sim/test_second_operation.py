@@ -1,6 +1,6 @@
 """Membrane peeling and injection with phases, end to end: the haptic output matches the ground truth."""
 
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import pytest
 from helpers import graph_on_target
@@ -33,7 +33,8 @@ def test_peeling_goes_through_its_states_in_order():
     _, pairs = records("membrane_peeling")
     expected = ("over_hemorrhage", "retinal_contact", "grasped", "peeling", "tool_collision")
     states = state_order(step for _, step in pairs)
-    assert [state for state in states if state in expected] == [*expected, "peeling"]
+    found = [state for state, _ in groupby(state for state in states if state in expected)]
+    assert found == [*expected, "peeling"]  # the tip over blood may not be visible for a moment
     assert states[0] == "unknown"
     assert states[-1] == "navigation"
 

@@ -171,7 +171,7 @@ def test_a_unique_combination_of_facts_is_a_warning(exported):
     folder, bundle, result = exported
     name = names_in(folder)["P02"]
     assert "1 of 4 participants: nobody else has their combination of age_years, game_hours" in result.stderr
-    assert result.stderr.strip().endswith(f"give --without: {name}")
+    assert result.stderr.strip().endswith(f"They are {name}; leave columns out with --without COLUMN")
     assert "vision nobody else has: 1.**" in (bundle / "README.md").read_text()
 
 
