@@ -31,7 +31,7 @@ __all__ = ["evaluate"]
 @click.option(
     "--perceiver",
     metavar="NAME",
-    help="Perceiver to score, also MODULE:CLASS; --simulated: default threshold, then tracker.",
+    help="Perceiver to score, also MODULE:CLASS; --simulated: default that of the settings, else threshold and tracker.",
 )
 @click.option("--seed", type=click.IntRange(min=0), help="Random seed of the simulated scenes.")
 @click.option(
@@ -102,8 +102,14 @@ def evaluate(
         else:
             from haptigraph.analysis.evaluation.accuracy import report_simulated
 
+            configured = settled.perception.perceiver
             report = report_simulated(
-                simulated or 0, perceiver, settled, seed=seed or 0, figure=figure, progress=progress
+                simulated or 0,
+                None if configured == "auto" else configured,
+                settled,
+                seed=seed or 0,
+                figure=figure,
+                progress=progress,
             )
     if not as_json:
         click.echo(report.text)

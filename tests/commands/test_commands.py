@@ -149,6 +149,8 @@ def test_evaluate_takes_a_clip_or_simulated_scenes(tmp_path):
     assert "--seed and --figure go with --simulated" in refuse("evaluate", tmp_path, "--seed", 1)
     assert "--as-recorded goes with CLIP_DIR" in refuse("evaluate", "--simulated", 1, "--as-recorded")
     assert "unknown perceiver 'none'" in refuse("evaluate", "--simulated", 1, "--perceiver", "none")
+    configured = ("--set", "perception.perceiver=none")
+    assert "unknown perceiver 'none'" in refuse("evaluate", "--simulated", 1, *configured)
     for wrong, problem in (("none/a.png", "no such folder"), ("a.xyz", "valid endings: .png, .svg, .pdf")):
         assert problem in refuse("evaluate", "--simulated", 1, "--figure", tmp_path / wrong)
 
