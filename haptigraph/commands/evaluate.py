@@ -31,7 +31,7 @@ __all__ = ["evaluate"]
 @click.option(
     "--perceiver",
     metavar="NAME",
-    help="Perceiver to score, also MODULE:CLASS; --simulated: default that of the settings, else threshold and tracker.",
+    help="Perceiver to score, also MODULE:CLASS. Default: that of the settings; with --simulated, else all.",
 )
 @click.option("--seed", type=click.IntRange(min=0), help="Random seed of the simulated scenes.")
 @click.option(
