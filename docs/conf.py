@@ -37,7 +37,6 @@ exclude_patterns = [
     "gallery/*.ipynb",
     "gallery/*.json",
 ]
-nitpicky = False
 
 myst_enable_extensions = ["colon_fence", "deflist", "substitution", "attrs_inline"]
 myst_heading_anchors = 4
@@ -56,8 +55,6 @@ maximum_signature_line_length = 90
 default_role = "py:obj"  # `names` in docstrings: code, and links where the site has them
 autodoc_typehints_format = "short"
 autodoc_member_order = "bysource"
-autodoc_mock_imports: list[str] = []
-napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 add_module_names = False
 toc_object_entries_show_parents = "hide"

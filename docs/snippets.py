@@ -25,25 +25,23 @@ import re
 import shlex
 import signal
 import subprocess
-import sys
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 
 import click
 from stand_ins import STAND_INS
+from stand_ins.stand_in import ENVIRONMENT
 from sybil import Document, Example, Region
 from sybil.parsers.markdown.lexers import RawFencedCodeBlockLexer
 
 from haptigraph.cli import main
 
-ROOT = Path(__file__).parents[1]
 DIRECTIONS = re.compile(r"<!--\s*([^<>]*?)\s*-->\s*\Z")
 WORDS = ("file", "append", "change", "undo", "exit", "until", "not run:", "given")
 TIMEOUT_S = 240
-ENVIRONMENT = {
-    **os.environ,
-    "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+SHOWN = {
+    **ENVIRONMENT,
     "COLUMNS": "100",
     "MPLBACKEND": "agg",
     "BROWSER": "true",  # no browser opens
@@ -67,7 +65,7 @@ def parse(document: Document) -> Iterable[Region]:
 
 def setup(namespace: dict, folder: Path) -> None:
     """Begin a page in an empty folder."""
-    namespace.update({"_folder": folder, "_replaced": {}, "_stop": [], "__name__": "page"})
+    namespace.update({"_folder": folder, "_cwd": folder, "_replaced": {}, "_stop": [], "__name__": "page"})
 
 
 def teardown(namespace: dict) -> None:
@@ -184,9 +182,9 @@ def run(example: Example, command: str, shown: str, code: int, until: str | None
         command = command.replace(name, real)
     kept = shlex.quote(str(folder / ".cwd"))  # the command may have left the folder
     process = subprocess.Popen(
-        ["bash", "-c", f"source .state 2>/dev/null; {command}\n_code=$?; pwd > {kept}; exit $_code"],
-        cwd=folder,
-        env=ENVIRONMENT,
+        ["bash", "-c", f"{command}\n_code=$?; pwd > {kept}; exit $_code"],
+        cwd=example.namespace["_cwd"],
+        env=SHOWN,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -205,9 +203,8 @@ def run(example: Example, command: str, shown: str, code: int, until: str | None
     checker = doctest.OutputChecker()
     if shown.strip() and not checker.check_output(shown, output, flags):
         return f"$ {command}\nshown:\n{shown}\nprinted:\n{output}"
-    (folder / ".state").write_text(
-        f"cd {shlex.quote((folder / '.cwd').read_text().strip())}\n" if (folder / ".cwd").exists() else ""
-    )
+    if (folder / ".cwd").exists():  # not after Ctrl-C
+        example.namespace["_cwd"] = (folder / ".cwd").read_text().strip()
     return None
 
 
@@ -258,4 +255,4 @@ def check_commands(text: str) -> str | None:
     return None
 
 
-__all__ = ["ROOT", "parse", "setup", "teardown"]
+__all__ = ["parse", "setup", "teardown"]

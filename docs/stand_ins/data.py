@@ -1,20 +1,17 @@
 """Recordings, studies and files of a clone."""
 
 import builtins
-import os
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
 from functools import cache
 from pathlib import Path
 
 import haptigraph
-from stand_ins.stand_in import ROOT, StandIn
+from stand_ins.stand_in import ENVIRONMENT, ROOT, StandIn
 
 GOLDEN = ROOT / "tests" / "replay" / "golden"
-ENVIRONMENT = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
 
 
 @cache

@@ -131,14 +131,14 @@ def replay(
     start_ns = None
     for recorded, replayed in replay_steps(reader, applied):
         start_ns = recorded.stamp_ns if start_ns is None else start_ns
+        time_s = (recorded.stamp_ns - start_ns) / 1e9
         differing = _differing(recorded, replayed)
         if differing is not None and report.first is None:
             message, before, after = differing
-            time_s = (recorded.stamp_ns - start_ns) / 1e9
             report.first = Difference(report.steps, time_s, message, *differing_parts(before, after))
         states = recorded.conclusion.state, replayed.conclusion.state
         if states[0] != states[1] and report.first_state is None:
-            report.first_state = OtherState(report.steps, (recorded.stamp_ns - start_ns) / 1e9, *states)
+            report.first_state = OtherState(report.steps, time_s, *states)
         report.steps += 1
         report.identical += differing is None
         _count(report, recorded, replayed)
