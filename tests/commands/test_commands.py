@@ -237,7 +237,7 @@ def test_sources_lists_syntax_and_missing_extras(monkeypatch):
 
     result = call("sources")
     assert result.exit_code == 0
-    for syntax in ("phantom:SCENARIO", "camera:N", "realsense[:SERIAL]", "FILE.dcm", "FILE.mcap", "FOLDER"):
+    for syntax in ("phantom[:SCENARIO]", "camera:N", "realsense[:SERIAL]", "FILE.dcm", "FILE.mcap", "FOLDER"):
         assert re.search(rf"^{re.escape(syntax)} .*\w", result.output, re.MULTILINE)
     monkeypatch.setattr(available, "find_spec", lambda name: None)
     monkeypatch.setattr(available, "connected_cameras", lambda: [("camera:2", "Microscope")])
@@ -425,7 +425,7 @@ def test_a_file_that_does_not_exist_is_not_found(name, tmp_path, monkeypatch):
 
 
 def test_a_misspelt_kind_of_source_lists_the_valid_ones():
-    assert "no such source; valid: phantom:SCENARIO" in refuse("run", "fantom:align_then_approach")
+    assert "no such source; valid: phantom[:SCENARIO]" in refuse("run", "fantom:align_then_approach")
 
 
 @pytest.mark.parametrize("suffix", [".bag", ".db3", ""])
