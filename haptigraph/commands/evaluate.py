@@ -30,8 +30,11 @@ __all__ = ["evaluate"]
 @voxel_option
 @click.option(
     "--perceiver",
+    "perceivers",
+    multiple=True,
     metavar="NAME",
-    help="Perceiver to score, also MODULE:CLASS. Default: that of the settings; with --simulated, else all.",
+    help="Perceiver to score, also MODULE:CLASS; with --simulated repeatable. Default: that of the settings; "
+    "with --simulated, else all.",
 )
 @click.option("--seed", type=click.IntRange(min=0), help="Random seed of the simulated scenes.")
 @click.option(
@@ -49,7 +52,7 @@ def evaluate(
     simulated: int | None,
     volumes: str | None,
     voxel_mm: tuple[float, float, float] | None,
-    perceiver: str | None,
+    perceivers: tuple[str, ...],
     seed: int | None,
     as_recorded: bool,
     figure: str | None,
@@ -72,7 +75,7 @@ def evaluate(
         others = (
             clip_dir,
             simulated,
-            perceiver,
+            *perceivers,
             seed,
             figure,
             procedure,
@@ -86,13 +89,16 @@ def evaluate(
         return
     if voxel_mm is not None:
         raise BadInput("--voxel-mm goes with --volumes FOLDER")
-    given = (*settings, *settings_of({"perception.perceiver": perceiver, "run.procedure": procedure}))
     if (clip_dir is None) == (simulated is None):
         raise BadInput("evaluate takes either CLIP_DIR, --simulated N or --volumes FOLDER")
     if clip_dir is not None and (seed is not None or figure is not None):
         raise BadInput("--seed and --figure go with --simulated N")
     if clip_dir is None and as_recorded:
         raise BadInput("--as-recorded goes with CLIP_DIR")
+    if clip_dir is not None and len(perceivers) > 1:
+        raise BadInput("--perceiver is given more than once, which goes with --simulated N; a clip takes one")
+    perceiver = perceivers[0] if perceivers else None
+    given = (*settings, *settings_of({"perception.perceiver": perceiver, "run.procedure": procedure}))
     settled = load_config(config, given if clip_dir is not None else ("perception.alpha=1", *given))
     with progress_bar() as progress:
         if clip_dir is not None:
@@ -102,10 +108,10 @@ def evaluate(
         else:
             from haptigraph.analysis.evaluation.accuracy import report_simulated
 
-            configured = settled.perception.perceiver
+            named = dict.fromkeys(perceivers or (settled.perception.perceiver,))
             report = report_simulated(
                 simulated or 0,
-                None if configured == "auto" else configured,
+                [name for name in named if name != "auto"],
                 settled,
                 seed=seed or 0,
                 figure=figure,

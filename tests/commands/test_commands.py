@@ -141,12 +141,16 @@ def test_evaluate_scores_simulated_scenes(monkeypatch, tmp_path):
     assert scores["scenes"] == scores["perceivers"]["threshold"]["all"]["scenes"] == 2
     assert picture.stat().st_size > 10_000
     assert "Cramer-Rao" in call(*options).output
+    both = json.loads(call(*options, "--perceiver", "tracker", "--json").output)["perceivers"]
+    assert list(both) == ["threshold", "tracker"] and both["threshold"] == scores["perceivers"]["threshold"]
 
 
 def test_evaluate_takes_a_clip_or_simulated_scenes(tmp_path):
     for wrong in ((), (tmp_path, "--simulated", 3)):
         assert "either CLIP_DIR, --simulated N or --volumes FOLDER" in refuse("evaluate", *wrong)
     assert "--seed and --figure go with --simulated" in refuse("evaluate", tmp_path, "--seed", 1)
+    twice = ("--perceiver", "threshold", "--perceiver", "tracker")
+    assert "which goes with --simulated N; a clip takes one" in refuse("evaluate", tmp_path, *twice)
     assert "--as-recorded goes with CLIP_DIR" in refuse("evaluate", "--simulated", 1, "--as-recorded")
     assert "unknown perceiver 'none'" in refuse("evaluate", "--simulated", 1, "--perceiver", "none")
     configured = ("--set", "perception.perceiver=none")

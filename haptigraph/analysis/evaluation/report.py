@@ -86,16 +86,16 @@ def _score_lines(sweep: Sweep) -> Iterator[str]:
         head = "".join(f"{name:>{width}}" for name, width in COLUMNS)
         yield f"{perceiver:19}{'images':>7}{head}"
         for condition, scores in rows.items():
-            angle = scores["angle_error_deg"]
+            angle, has_needle = scores["angle_error_deg"], scores["needle_images"] > 0
             cells = (
-                _percent(scores["detection_rate"]),
+                _percent(scores["detection_rate"]) if has_needle else "no needle",
                 str(scores["false_detections"]),
                 _pair(scores["tip_error_px"]),
                 _pair(angle["shallow"]),
                 _pair(angle["deep"]),
-                _percent(scores["state_agreement"]),
+                _percent(scores["state_agreement"]) if has_needle else "n/a",
                 str(scores["wrong_contact_images"]),
-                str(scores["missed_contact_images"]),
+                str(scores["missed_contact_images"]) if has_needle else "n/a",
                 _percent(scores["tip_known_rate"]),
                 _percent(scores["tip_far_rate"]),
                 _signed(scores["tip_bias_px"]),
