@@ -74,7 +74,7 @@ RUN = hashlib.sha256(b"text").hexdigest()
     ("frozen", "run", "expected"),
     [
         (None, RUN, "Whether the protocol was edited after the first participant is not known: no text"),
-        (FROZEN, RUN, "froze the protocol in 2026-11-02 09:30 (UTC; SHA-256 "),
+        (FROZEN, RUN, "froze the protocol (2026-11-02 09:30 UTC, SHA-256 "),
         (FROZEN, RUN, "Whether it was edited afterwards is not known"),
         ({**FROZEN, "edited_parts": []}, RUN, "had not been edited when the data were exported. All 8 runs"),
         ({**FROZEN, "edited_parts": ["procedure p"]}, RUN, "procedure p was changed. This report follows"),

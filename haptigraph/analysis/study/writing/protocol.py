@@ -24,7 +24,7 @@ def protocol_paragraph(tables: StudyTables, results: StudyResults) -> str:
     if not protocol.frozen_utc:
         return "Whether the protocol was edited after the first participant is not known: no text was kept."
     when = protocol.frozen_utc[:16].replace("T", " ")
-    frozen = f"The first participant froze the protocol in {when} (UTC; SHA-256 {protocol.sha256})."
+    frozen = f"The first participant froze the protocol ({when} UTC, SHA-256 {protocol.sha256})."
     if protocol.edited_parts is None:
         edited = "Whether it was edited afterwards is not known: its files were not compared at the export."
     elif protocol.edited_parts:
@@ -46,6 +46,6 @@ def _procedures(results: StudyResults, frozen: frozenset[str]) -> str:
             f" All {len(run)} runs with a known procedure have the text of a frozen one." if len(run) else ""
         )
     return (
-        f" Of {counted(len(run), 'run')} with a known procedure, {others} have another text than a frozen one; "
-        "another version of haptigraph may word it differently, so compare their recordings with study.json."
+        f" Of {counted(len(run), 'run')} with a known procedure, {others} have another text than a frozen "
+        "one. An update of haptigraph may have worded it differently; compare the recordings with study.json."
     )
