@@ -1,4 +1,4 @@
-"""Print a line to the terminal whenever the state changes or a fault occurs.
+"""Print a line to the terminal whenever the state changes, and when a fault occurs or ends.
 
 A thread does the writing: a stopped terminal (Ctrl-S) or an unread pipe must not stop the loop.
 """
@@ -17,7 +17,7 @@ FLUSH_TIMEOUT_S = 1.0  # to write the queue at the end of the run
 
 
 class ConsoleSink:
-    """Print state changes and new faults.
+    """Print state changes, new faults, and their reported ends.
 
     Args:
         stream: Output; standard error if None.
@@ -44,10 +44,10 @@ class ConsoleSink:
         """Print the changes in one step."""
         self._start_ns = step.stamp_ns if self._start_ns is None else self._start_ns
         time_s = (step.stamp_ns - self._start_ns) / 1e9
-        for fault in step.faults:
-            if fault not in self._faults:
-                self._print(f"{time_s:7.2f} s  ! {fault}")
-        self._faults = step.faults
+        for fault in step.observation.faults:
+            if fault.is_over or fault not in self._faults:
+                self._print(f"{time_s:7.2f} s  {'' if fault.is_over else '! '}{fault}")
+        self._faults = step.observation.faults
         if step.conclusion.state != self._state:
             self._state = step.conclusion.state
             forces = ", ".join(step.conclusion.forces)
