@@ -59,6 +59,7 @@ def test_a_participant_completes_the_study_and_crashes_lose_nothing(folder, sour
         port = station.port
         lab, person = experimenter_at(station, open_page), participant_at(station, open_page)
         assert person.is_visible("#wait")
+        lab.wait_for_selector("#idle:has-text('During a trial you see here the eye')")
         lab.click("#enrol button")
         wait_for_stage(person, "briefing")
         assert person.locator("#text-body p").all_inner_texts() == ["Steer the needle.", "Hit the target."]
