@@ -8,7 +8,7 @@ import { make } from "../common/dom.js";
 import { icon } from "../common/icons.js";
 import { boundsOf, stripsOf } from "../common/strips.js";
 
-const RIGHT = 14, LANE = 14, NARROW_PX = 700, MIN_SPAN_MS = 400;
+const RIGHT = 14, LANE = 14, NARROW_PX = 700, MIN_SPAN_MS = 400, MIN_STRIP = 26, MIN_HAPTICS = 17;
 
 export class Timeline {
   /** @type {RecordedRun} */ run;
@@ -23,6 +23,7 @@ export class Timeline {
    *  @param {(time_ms: number) => void} onSeek called with the time that is clicked */
   constructor(canvas, lanes, onSeek) {
     this.canvas = canvas; this.lanes = lanes; this.onSeek = onSeek;
+    this.scale = /** @type {HTMLElement} */ (canvas.parentElement);
     this.context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { alpha: false }));
     this.background = make("canvas");
     canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); this.seek(event); });
@@ -52,6 +53,8 @@ export class Timeline {
       const compared = other && differing(boundsOf(strip.measure, other.content.relations), strip);
       return { strip: { ...strip, max: maxOf(this.run.measure(strip.measure), strip, compared?.bounds ?? []) }, compared, top: 0, height: 0 };
     });
+    const rows = states.length + Number(Boolean(other)) + Number(this.run.content.faults.length > 0);
+    this.scale.style.minHeight = `${rows * LANE + this.boxes.length * MIN_STRIP + (other ? 2 : 1) * MIN_HAPTICS + 21}px`;
     this.lanes.replaceChildren(...states.map((state) => make("li", { title: state.label }, icon(state), state.label)));
     this.redraw();
     this.show(this.number);
@@ -117,13 +120,14 @@ export class Timeline {
     let top = this.drawLanes(c);
     if (this.other) top = this.drawDifferences(c, top);
     if (this.run.content.faults.length) top = this.drawFaults(c, top);
-    const { boxes, run, other } = this, haptics = other ? Math.max(38, (height - 18 - top) * 0.3) : (height - 18 - top) * 0.6 / (boxes.length + 0.6);
+    const { boxes, run, other } = this;
+    const haptics = other ? Math.max(2 * MIN_HAPTICS, (height - 18 - top) * 0.3) : (height - 18 - top) * 0.6 / (boxes.length + 0.6);
     const each = (height - 18 - top - haptics) / boxes.length;
     for (const [at, box] of boxes.entries()) drawCurve(c, this, Object.assign(box, { top: top + at * each + 5, height: each - 9 }));
     top = height - 18 - haptics + 4;
     if (other) {
-      drawHaptics(c, this, run, { label: this.isNarrow ? "haptics" : "haptics, as recorded", top, height: haptics / 2 - 6 });
-      drawHaptics(c, this, other, { label: this.isNarrow ? "compared" : `haptics, ${other.content.procedure}`, top: top + haptics / 2, height: haptics / 2 - 6, isHatched: true });
+      drawHaptics(c, this, run, { label: this.isNarrow ? "haptics" : "haptics, as recorded", top, height: haptics / 2 - 5 });
+      drawHaptics(c, this, other, { label: this.isNarrow ? "compared" : `haptics, ${other.content.procedure}`, top: top + haptics / 2, height: haptics / 2 - 5, isHatched: true });
     } else drawHaptics(c, this, run, { label: this.isNarrow ? "haptics" : "haptics, as commanded", top, height: haptics - 6 });
     drawAxis(c, this, height - 4);
     this.draw();
