@@ -243,13 +243,13 @@ def simulated(folder: Path, count: int = 100_000, steps: int = 60) -> None:
     import numpy as np
     import pyarrow as pa
 
-    from haptigraph.analysis.archive.tables import Archive, with_rows
+    from haptigraph.analysis.archive.tables import Archive, no_runs, with_rows
 
     chance, names = np.random.default_rng(1), [f"P{n // 40:04}/run-{n:06}.mcap" for n in range(count)]
     with tempfile.TemporaryDirectory() as place:
         archive = Archive(Path(place))
         archive.place.mkdir()
-        runs = archive.runs()
+        runs = no_runs()
         for start in range(0, count, 10_000):
             part_names, rows = names[start : start + 10_000], 10_000 * steps
             table = pa.table(

@@ -276,7 +276,7 @@ def draw(results: dict[tuple[str, str], Errors], pooled: Errors, perceiver: str,
         "above_px": "tip above [px]",
     }
     names = [f"{group}: {name}" for group, name in results] + ["all"]
-    sheet = Figure(figsize=(14, 6.2), layout="constrained")
+    sheet = Figure(figsize=(11.5, 5.8), layout="constrained")
     for axes, (key, limits) in zip(sheet.subplots(1, len(LIMITS), sharey=True), LIMITS.items(), strict=True):
         spreads = [errors.spread(key) for errors in (*results.values(), pooled)]
         rows = range(len(spreads))
@@ -293,7 +293,7 @@ def draw(results: dict[tuple[str, str], Errors], pooled: Errors, perceiver: str,
     axes.invert_yaxis()
     axes.legend(loc="lower right", fontsize=8)
     sheet.suptitle(f"{perceiver} on simulated B-scans; red: required median (solid) and 95 % (dashed)")
-    sheet.savefig(output, dpi=100)
+    sheet.savefig(output, dpi=130)
 
 
 def main() -> None:

@@ -25,8 +25,10 @@ import re
 import shlex
 import signal
 import subprocess
+import threading
 import tomllib
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import click
@@ -40,6 +42,7 @@ from haptigraph.cli import main
 DIRECTIONS = re.compile(r"<!--\s*([^<>]*?)\s*-->\s*\Z")
 WORDS = ("file", "append", "change", "undo", "exit", "until", "not run:", "given")
 TIMEOUT_S = 240
+"""After which a command is killed, with all processes that it started."""
 SHOWN = {
     **ENVIRONMENT,
     "COLUMNS": "100",
@@ -192,9 +195,16 @@ def run(example: Example, command: str, shown: str, code: int, until: str | None
         start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
     )
-    output = read_until(process, until) if until else process.communicate(timeout=TIMEOUT_S)[0]
+    is_late = threading.Event()
+    limit = threading.Timer(TIMEOUT_S, kill, (process, is_late))
+    limit.start()
+    output = read_until(process, until) if until else process.communicate()[0]
+    limit.cancel()
     for name, real in replaced.items():
         output = output.replace(real, name)
+    if is_late.is_set():
+        what = f"printing {until!r}" if until and until not in output else "ending"
+        return f"$ {command}\nwas killed after {TIMEOUT_S} s without {what}:\n{output}"
     if until and until not in output:
         return f"$ {command}\nended with {process.returncode} without printing {until!r}:\n{output}"
     if not until and process.returncode != code:
@@ -208,6 +218,13 @@ def run(example: Example, command: str, shown: str, code: int, until: str | None
     return None
 
 
+def kill(process: subprocess.Popen[str], is_late: threading.Event) -> None:
+    """Kill a command that took too long, with the processes that it started."""
+    is_late.set()
+    with suppress(ProcessLookupError):  # it ended meanwhile
+        os.killpg(process.pid, signal.SIGKILL)
+
+
 def read_until(process: subprocess.Popen[str], text: str) -> str:
     """Read until a text appears, then interrupt."""
     output = ""
@@ -216,7 +233,7 @@ def read_until(process: subprocess.Popen[str], text: str) -> str:
         if text in output:
             break
     os.killpg(process.pid, signal.SIGINT)
-    return output + process.communicate(timeout=TIMEOUT_S)[0]
+    return output + process.communicate()[0]
 
 
 def run_python(example: Example, text: str) -> str | None:

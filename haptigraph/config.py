@@ -40,7 +40,7 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Where images come from."""
 
     uri: str = "phantom:align_then_approach"
-    """phantom:SCENARIO, teleop[:SCENARIO] (steered by you), camera:N, realsense[:SERIAL], ros2:TOPIC,
+    """phantom[:SCENARIO], teleop[:SCENARIO] (steered by you), camera:N, realsense[:SERIAL], ros2:TOPIC,
     rosbag:PATH, oct:PATH, or the path of a video, a DICOM file, a folder of images, or a recording, also one
     of the RealSense SDK; or MODULE:CLASS[:ARGUMENT] of your own (docs/how_to/sources.md)."""
     registration: str = ""

@@ -19,10 +19,10 @@ from haptigraph.graph import SceneGraph, Triplet
 from haptigraph.projection import DepthImage
 
 __all__ = [
-    "CERTAIN", "OFF", "TIP_NOT_VISIBLE", "UNKNOWN", "CameraStamp", "Capabilities", "Capture", "Certainty",
-    "Conclusion", "Delivered", "DepthImage", "Fault", "Follow", "ForceField", "ForceSample", "HandState",
-    "HapticCommand", "Image", "ImageKind", "Observation", "Pattern", "RobotSample", "Step", "Timing",
-    "Truth", "Volume",
+    "CERTAIN", "OFF", "STALE_IMAGE", "TIP_NOT_VISIBLE", "UNKNOWN", "CameraStamp", "Capabilities",
+    "Capture", "Certainty", "Conclusion", "Delivered", "DepthImage", "Fault", "Follow", "ForceField",
+    "ForceSample", "HandState", "HapticCommand", "Image", "ImageKind", "Observation", "Pattern",
+    "RobotSample", "Step", "Timing", "Truth", "Volume",
 ]  # fmt: skip
 
 Image: TypeAlias = NDArray[np.uint8]
@@ -39,6 +39,9 @@ UNKNOWN = "unknown"
 """The state without a detected needle: failed detection, stale image, lost camera, dead perceiver."""
 TIP_NOT_VISIBLE = "tip_not_visible"
 """The state of a needle whose shaft is detected, but not its tip."""
+
+STALE_IMAGE = "stale image"
+"""Beginning of a source's fault that no new image came in time."""
 
 FaultyPart: TypeAlias = Literal[
     "source", "registration", "perceiver", "guard", "device", "force", "recorder", "bridge", "leader", "robot"

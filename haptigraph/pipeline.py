@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput, EndOfSource, HaptigraphError, PerceiverBroken, SourceLost
 from haptigraph.haptics.observed_device import DeliveryLog
-from haptigraph.messages import Capture, Fault, Observation, Step, Timing
+from haptigraph.messages import STALE_IMAGE, Capture, Fault, Observation, Step, Timing
 from haptigraph.run_report import RunReport
 from haptigraph.sources.timing import moved_in_time
 from haptigraph.stages import (
@@ -250,7 +250,7 @@ class Loop:
             self._uncounted += self._take_faults()
             faults = self._uncounted
             begun_ns = time.perf_counter_ns()
-            lost = f"stale image: none for {self._stale_ms:g} ms"
+            lost = f"{STALE_IMAGE}: none for {self._stale_ms:g} ms"
             try:
                 capture = self.source.read(self._stale_ms / 1e3)
             except EndOfSource:

@@ -183,8 +183,22 @@ def _line_of(text: str, path: str) -> int | None:
         if key and (
             (not table and key[1] == keys[0]) or (table_line and len(keys) > 1 and key[1] == keys[1])
         ):
-            return line
+            return line + _lines_before_item(text.splitlines()[line - 1 :], parts[-1][1])
     return table_line
+
+
+def _lines_before_item(lines: list[str], number: str) -> int:
+    """Return how many lines a list takes before its item of a number; 0 if there is no such item."""
+    for count in range(1, len(lines) + 1) if number else ():
+        for end in ("", "\n]"):
+            try:
+                (items,) = tomllib.loads("\n".join(lines[:count]) + end).values()
+            except ValueError:
+                continue
+            has_item = isinstance(items, list) and len(items) > int(number)
+            if has_item or not end:
+                return count - 1 if has_item else 0
+    return 0
 
 
 def _lower_first(sentence: str) -> str:

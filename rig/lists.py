@@ -66,7 +66,7 @@ def bill_of(layout: Layout, bodies: Iterable[Body]) -> list[Item]:
         Item(
             1,
             f"coin motor, {MOTOR_MM[0]:g} x {MOTOR_MM[1]:g} mm, ERM or LRA",
-            "with the actuator clip; see devices.md",
+            "with the actuator clip; see docs/how_to/devices.md",
         ),
     ]
     return items

@@ -249,3 +249,9 @@ def test_a_fresh_checkout_installs_what_the_target_needs(target, files, tmp_path
     installs = [line for line in planned.splitlines() if files[0] in line]
     assert installs and not any("--quiet" in line for line in installs)
     assert planned.count("--editable .") == 1
+
+
+def test_all_has_every_extra_but_that_of_a_makers_sdk():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    named = re.findall(r"haptigraph\[([^]]*)\]", " ".join(extras.pop("all")))
+    assert set(extras) - set(",".join(named).split(",")) == {"forcedimension"}

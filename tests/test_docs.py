@@ -69,6 +69,34 @@ def test_links_pictures_and_anchors_exist(page):
             assert not anchor or anchor in anchors(linked), f"{target}#{anchor}"
 
 
+SHIPPED = ("haptigraph", "examples", "rig", "training", "rendering", "benchmarks")
+NAMED_PAGE = re.compile(r"(?<![\w/.-])(docs/[\w/-]+\.md)(?:#([\w-]+))?")
+
+
+def test_pages_that_code_messages_and_shipped_files_name_exist():
+    named = 0
+    for folder in SHIPPED:
+        for path in (ROOT / folder).rglob("*"):
+            if path.suffix not in {
+                ".py",
+                ".toml",
+                ".md",
+                ".js",
+                ".html",
+                ".css",
+                ".ipynb",
+                ".c",
+                ".h",
+                ".rst",
+            }:
+                continue
+            for page, anchor in NAMED_PAGE.findall(path.read_text(encoding="utf-8")):
+                named += 1
+                assert (ROOT / page).is_file(), f"{path} names {page}"
+                assert not anchor or anchor in anchors(ROOT / page), f"{path} names {page}#{anchor}"
+    assert named > 40
+
+
 def test_paths_in_the_architecture_exist():
     for path in re.findall(r"`([\w*]+/[\w/*]+(?:\.\w+|/))`", read("docs/explanation/architecture.md")):
         assert [*ROOT.glob(path), *(ROOT / "haptigraph").glob(path)], path

@@ -86,6 +86,29 @@ def test_a_wrong_value_of_an_old_key_is_reported_by_its_new_name():
         Document("[glare]\ndeviation_mm = 'x'\n", "a.toml").convert(Outer)
 
 
+LISTS = """title = "x"
+names = [  # of two
+  "a", "b",
+  "c]",
+
+  "d",  # ]
+]
+one_line = ["a", "b"]
+inner.names = ["a"]
+"""
+
+
+@pytest.mark.parametrize(
+    ("path", "line"),
+    [
+        *(("names", 2), ("names[0]", 3), ("names[1]", 3), ("names[2]", 4), ("names[3]", 6)),
+        *(("one_line[1]", 8), ("one_line[7]", 8), ("inner.names[0]", 9), ("title[3]", 1)),
+    ],
+)
+def test_an_error_in_a_list_is_reported_at_the_line_of_its_item(path, line):
+    assert Document(LISTS, "a.toml").error("wrong", path).place == f"line {line}"
+
+
 @pytest.fixture
 def old_setting(monkeypatch):
     """As if haptics.deadman_ms had been named haptics.deadman in an earlier version."""

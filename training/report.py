@@ -40,6 +40,7 @@ EMPTY, EMPTY_KINDS = 500, {"healthy": False, "diseased": True}
 ILM, RPE = (80, 220, 80), (80, 120, 255)
 TRUE, OUTLINE = (255, 255, 255), (0, 0, 0)
 NEEDLE = (60, 220, 255)
+BAR_MM = 0.5
 
 
 class TrainingRun(NamedTuple):
@@ -253,7 +254,7 @@ def _draw_empty(empty: dict[str, list[EmptyScan]], model: OnnxModel) -> Image:
         found, shaft = interpret(model(scan.image), model.spec, scan.image, scale_mm)
         canvas = _draw_surfaces(scan, found)
         _draw_needle(canvas, shaft)
-        drawn.append(_titled(canvas, f"too deep in {one.deep_share:.1%} of columns"))
+        drawn.append(_titled(canvas, scale_mm, f"too deep in {one.deep_share:.1%} of columns"))
     whole = np.vstack([np.hstack(drawn[:half]), np.hstack(drawn[half:])])
     return np.asarray(cv2.resize(whole, None, fx=0.7, fy=0.7, interpolation=cv2.INTER_AREA), np.uint8)
 
@@ -278,9 +279,16 @@ def _draw_needle(canvas: Image, shaft: Shaft | None) -> None:
         cv2.drawMarker(canvas, ends[1], NEEDLE, cv2.MARKER_CROSS, 12, 1)
 
 
-def _titled(canvas: Image, text: str) -> Image:
+def _titled(canvas: Image, scale_mm: tuple[float, float], text: str) -> Image:
+    """Write a title, and draw bars of 0.5 mm across and along the beam."""
+    right, bottom = canvas.shape[1] - 12, canvas.shape[0] - 40
+    left, top = right - round(BAR_MM / scale_mm[0]), bottom - round(BAR_MM / scale_mm[1])
+    label_at = (left, bottom - 6)
     for color, width_px in ((OUTLINE, 4), (TRUE, 1)):  # readable on bright tissue, too
         cv2.putText(canvas, text, (8, 500), cv2.FONT_HERSHEY_SIMPLEX, 0.6, color, width_px, cv2.LINE_AA)
+        cv2.putText(canvas, "0.5 mm", label_at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, color, width_px, cv2.LINE_AA)
+        cv2.line(canvas, (left, bottom), (right, bottom), color, width_px + 1)
+        cv2.line(canvas, (right, bottom), (right, top), color, width_px + 1)
     return canvas
 
 
@@ -289,7 +297,9 @@ def _draw_one(one: Scored) -> Image:
     if truth.needle is not None:
         cv2.circle(canvas, _rounded(truth.needle.tip_px), 8, TRUE, 1, cv2.LINE_AA)
     _draw_needle(canvas, one.shaft)
-    return _titled(canvas, f"{one.place}, surfaces {one.worst_px:.1f} px, tip {one.tip_error_px:.1f} px")
+    return _titled(
+        canvas, one.scale_mm, f"{one.place}, surfaces {one.worst_px:.1f} px, tip {one.tip_error_px:.1f} px"
+    )
 
 
 def _dots(canvas: object, columns: object, rows: object, color: tuple[int, int, int]) -> None:

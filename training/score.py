@@ -13,7 +13,7 @@ from haptigraph.perception.oct.onnx_model import OnnxModel
 from haptigraph.perception.oct.scan_geometry import Layers, Shaft
 from haptigraph.perception.oct.segmentation import interpret
 from haptigraph.sim.oct.bscan import CLASSES, Bscan
-from haptigraph.sim.oct.scenes import BscanScene, random_scene
+from haptigraph.sim.oct.scenes import random_scene
 from training.data import labels_of
 
 __all__ = ["SCORING_SEED", "Scored", "Totals", "is_inside", "rows_by_column", "score", "totals"]
@@ -29,6 +29,8 @@ class Scored(NamedTuple):
 
     place: str
     scan: Bscan
+    scale_mm: tuple[float, float]
+    """Size of a pixel across and along the beam."""
     found: Layers
     shaft: Shaft | None
     confusion: NDArray[np.int64]
@@ -57,7 +59,8 @@ def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Sc
         camera = scene.camera()
         scan = scene.take(camera)
         maps = model(scan.image)
-        found, shaft = interpret(maps, model.spec, scan.image, _mm_per_px(scene))
+        scale_mm = scene.scan.lateral_mm_per_px, scene.scan.axial_mm_per_px
+        found, shaft = interpret(maps, model.spec, scan.image, scale_mm)
         truth = scan.truth
         surfaces = {
             "ILM": (rows_by_column(found.x_px, found.ilm_px, found.ilm_visible), truth.ilm_px, truth.ilm_lit),
@@ -67,6 +70,7 @@ def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Sc
         yield Scored(
             place=scene.place,
             scan=scan,
+            scale_mm=scale_mm,
             found=found,
             shaft=shaft,
             confusion=_confusion(labels_of(camera, truth), maps),
@@ -81,10 +85,6 @@ def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Sc
             angle_error_deg=angle,
             tip_error_px=tip,
         )
-
-
-def _mm_per_px(scene: BscanScene) -> tuple[float, float]:
-    return scene.scan.lateral_mm_per_px, scene.scan.axial_mm_per_px
 
 
 def rows_by_column(x_px: Floats, row_px: Floats, is_seen: NDArray[np.bool_]) -> Floats:

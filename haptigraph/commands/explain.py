@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from haptigraph.commands.help import examples
+from haptigraph.commands.terminal import progress_bar
 
 if TYPE_CHECKING:
     from haptigraph.analysis.paper.figure import Kind
@@ -13,12 +14,21 @@ if TYPE_CHECKING:
 __all__ = ["diagram", "evidence", "explain", "figure"]
 
 
-@click.command(epilog=examples("haptigraph explain run.mcap --at 12.4"))
+@click.command(epilog=examples("haptigraph explain run.mcap", "haptigraph explain run.mcap --at 12.4"))
 @click.argument("recording")
-@click.option("--at", "at_s", type=float, required=True, metavar="SECONDS", help="Time since the first step.")
+@click.option(
+    "--at",
+    "at_s",
+    type=float,
+    metavar="SECONDS",
+    help="Time since the first step; without it, what the whole recording is.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def explain(recording: str, at_s: float, as_json: bool) -> None:
+def explain(recording: str, at_s: float | None, as_json: bool) -> None:
     """Explain one moment of RECORDING: the rule that fired, its evidence, and the nearest other state.
+
+    Without --at it says what RECORDING is: when, by which version, from which source, with which procedure
+    and settings it was recorded, how long it is, and what failed.
 
     For every other state it shows the shortest motion of the needle that leads there: a turn about the
     trocar, then a motion along the shaft, with the states on the way. The runner-up is the nearest. Without
@@ -27,8 +37,14 @@ def explain(recording: str, at_s: float, as_json: bool) -> None:
     """
     import msgspec
 
+    from haptigraph.analysis.archive.about import about_lines, about_recording
     from haptigraph.analysis.metrics.moment import explain_moment, explanation_text
 
+    if at_s is None:
+        with progress_bar() as progress:
+            about = about_recording(recording, progress)
+        click.echo(msgspec.json.encode(about).decode() if as_json else "\n".join(about_lines(about)))
+        return
     explanation = explain_moment(recording, at_s)
     click.echo(msgspec.json.encode(explanation).decode() if as_json else explanation_text(explanation))
 
@@ -95,7 +111,6 @@ def evidence(
     from haptigraph.analysis.evidence.gathering import Results, safety_case
     from haptigraph.analysis.evidence.tables import outcome, status_text
     from haptigraph.analysis.evidence.writing import check_folder, write_case
-    from haptigraph.commands.terminal import progress_bar
 
     folder = check_folder(output)
     with progress_bar() as progress:
@@ -135,7 +150,6 @@ def evidence(
 def figure(recording: str, kind: "Kind", at_s: float | None, output: str) -> None:
     """Draw a figure of RECORDING for a paper: two columns wide (183 mm), vector graphics, fonts embedded."""
     from haptigraph.analysis.paper.figure import paper_figure
-    from haptigraph.commands.terminal import progress_bar
 
     with progress_bar() as progress:
         paper_figure(recording, kind, output, at_s, progress)

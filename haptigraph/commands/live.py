@@ -76,7 +76,7 @@ def live(
     settings = run_settings(given, realtime=True)
     begin = () if config else ("source.uri=teleop",)
     settled = load_config(config, (*begin, *settings))
-    if settled.source.uri.startswith("phantom:"):
+    if settled.source.uri.partition(":")[0] == "phantom":
         settled = load_config(config, ("source.loop=true", *settings))
     tokens = page_tokens(host, token)
     if steer:

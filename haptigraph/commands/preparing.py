@@ -24,7 +24,7 @@ __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
 @click.command(
     epilog=examples(
         "haptigraph register clip.mp4 -o eye.toml --target 602,641",
-        "haptigraph register eye.png -o eye.toml --trocar right --target-mm 1.5 --diameter-mm 23.5",
+        "haptigraph register photo.png -o eye.toml --trocar right --target-mm 1.5 --diameter-mm 23.5",
         "haptigraph register clip.mp4 -o eye.toml --lens lens.toml --set source.rotate_deg=180",
         "haptigraph register --rig rig/d405.toml clip.mp4 -o eye.toml",
         "haptigraph register --volumes scans/needle -o needle.npz --voxel-mm 0.0058,0.079,0.051",
@@ -51,7 +51,9 @@ __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
     "--rig", metavar="RIG.TOML", help="Design of the set-up: where to search, scale, mirror, target."
 )
 @click.option("--lens", metavar="FILE", help="Lens of the camera, from `haptigraph calibrate camera`.")
-@click.option("--picture", metavar="FILE", help="PNG to draw; default: beside the registration.")
+@click.option(
+    "--picture", metavar="FILE", help="PNG to draw; default: the name in -o, with .png. Never SOURCE itself."
+)
 @click.option("--images", default=40, show_default=True, help="Number of images of SOURCE to use.")
 @click.option("--force", is_flag=True, help="Overwrite existing files.")
 @set_option
@@ -93,9 +95,17 @@ def register(
             raise BadInput("--rig is for an eye before a camera; B-scans have no rig")
         if overrides["lens"] is not None:
             raise BadInput("--lens is for cameras; B-scans have no lens distortion to correct")
-        click.echo(
-            register_scans(source, output, settings, picture, force=force, max_images=overrides["images"])
-        )
+        with progress_bar() as progress:
+            report = register_scans(
+                source,
+                output,
+                settings,
+                picture,
+                force=force,
+                max_images=overrides["images"],
+                progress=progress,
+            )
+        click.echo(report)
         return
     turn = load_config(None, settings).source.turn
     if any(not setting.startswith(TURNS) for setting in settings):
@@ -103,7 +113,8 @@ def register(
         raise BadInput(problem)
     given = Overrides(**overrides, turn=turn)
     with progress_bar() as progress:
-        click.echo(register_source(source, output, given, picture, rig=rig, force=force, progress=progress))
+        report = register_source(source, output, given, picture, rig=rig, force=force, progress=progress)
+    click.echo(report)
 
 
 def _check_volume_options(
@@ -126,7 +137,8 @@ def _learn_instrument(
     from haptigraph.perception.instrument.model import VOXEL_MM
 
     with progress_bar() as progress:
-        click.echo(register_instrument(folder, output, voxel_mm or VOXEL_MM, force=force, progress=progress))
+        report = register_instrument(folder, output, voxel_mm or VOXEL_MM, force=force, progress=progress)
+    click.echo(report)
 
 
 @click.command(

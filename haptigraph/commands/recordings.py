@@ -33,6 +33,7 @@ def replay(recording: str, procedure: str | None) -> None:
     """Replay RECORDING and compare every step, or show what another procedure would have done.
 
     Without --procedure, exit with code 1 if steps differ. With it, they may: both outcomes are shown.
+    `haptigraph explain RECORDING` says what a recording is, without a replay.
     """
     from haptigraph.analysis.metrics.comparison import comparison
     from haptigraph.analysis.metrics.replay import replay as run_again

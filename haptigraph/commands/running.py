@@ -37,8 +37,9 @@ __all__ = ["demo", "run", "run_loop"]
 def run(config: str | None, realtime: bool | None, **given: object) -> None:
     """Run the loop on SOURCE: images in, haptic feedback out.
 
-    SOURCE is phantom:SCENARIO, camera:N, realsense[:SERIAL], ros2:TOPIC, rosbag:PATH, or the path of a video,
-    a DICOM file, a folder of images or a recording; `haptigraph sources` lists them all. Options of a source
+    SOURCE is phantom[:SCENARIO], camera:N, realsense[:SERIAL], ros2:TOPIC, rosbag:PATH, or the path of a
+    video, a DICOM file, a folder of images or a recording; `haptigraph sources` lists them all. Without one,
+    and as `phantom`, it is the simulated operator of the scenario align_then_approach. Options of a source
     are settings: --set source.rate_hz=60. Cameras and the phantom run in real time, files as fast as
     possible. Ctrl-C ends the run and prints its summary.
     """

@@ -167,7 +167,7 @@ def export_measured(
 
     more = {"parquet": parquet_writer()} if parquet else {}
     with measured_study(folder, store, output, progress) as (opened, protocol, problems):
-        export_study(opened, protocol.study.name, output, more)
+        export_study(opened, protocol.study.name, output, more, protocol)
     for problem in problems:
         print_status(f"haptigraph: not measured: {problem}")
 

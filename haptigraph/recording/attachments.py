@@ -72,6 +72,7 @@ class AttachingWriter(Writer):
         Raises:
             BadInput: If it has changed.
         """
+        self._Writer__finalize_chunk()  # type: ignore[attr-defined] # what was added before comes before it
         self._Writer__flush()  # type: ignore[attr-defined] # the library takes an attachment's content as a whole
         offset = output.tell()
 

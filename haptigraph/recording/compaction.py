@@ -1,4 +1,7 @@
-"""Write complete recordings: zstd chunks, an index, and checksums of everything."""
+"""Write complete recordings: zstd chunks, an index, and checksums of everything.
+
+A video follows the steps, so that a file whose end is cut off keeps them.
+"""
 
 import itertools
 import os
@@ -101,6 +104,7 @@ def _copy(records: Iterable[McapRecord], writer: AttachingWriter, output: Binary
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
     metadata: list[Metadata] = []
+    attached: list[AttachedFile] = []
     messages = 0
     for record in records:
         if isinstance(record, Schema) and record.id not in schemas:
@@ -112,11 +116,13 @@ def _copy(records: Iterable[McapRecord], writer: AttachingWriter, output: Binary
             metadata.append(record)
             writer.add_metadata(record.name, record.metadata)
         elif isinstance(record, AttachedFile):
-            writer.copy_attachment(output, record)
+            attached.append(record)
         elif isinstance(record, Message):
             channel = channels[record.channel_id]
             writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
             messages += 1
+    for file in attached:
+        writer.copy_attachment(output, file)
     for header in filter(is_header, metadata):  # again, far from the first, because nothing works without it
         writer.add_metadata(header.name, header.metadata)
     return messages

@@ -19,7 +19,7 @@ from haptigraph.recording.foxglove import CompressedImage
 from haptigraph.recording.header import Losses, is_header, is_losses, read_header, read_losses
 from haptigraph.recording.journal import complete_records, is_being_written, is_whole, records_between
 from haptigraph.recording.schema import CaptureRecord, RunInfo
-from haptigraph.recording.stored_video import StoredVideo
+from haptigraph.recording.stored_video import StoredVideo, video_at_the_end
 
 __all__ = ["RunReader", "StepLocation"]
 
@@ -66,6 +66,8 @@ class RunReader(ShownRun):
         self._video: StoredVideo | None = None
         self.info = self._read_info()
         self.is_whole = is_whole(self.path)
+        if self.is_whole and self.info.decoder and self._video is None:
+            self._video = video_at_the_end(self.path)
         """False if the run was interrupted or is still being recorded."""
         self.is_being_written = not self.is_whole and is_being_written(self.path)
 
@@ -265,7 +267,8 @@ class RunReader(ShownRun):
             expected = place.sequence + 1
             if is_complete(messages):
                 if messages["/capture"].video and self._video is None and self.losses is None:
-                    raise BadInput("damaged (the video of its images is missing)", self.path)
+                    saves = "`haptigraph recover` saves what can be read"
+                    raise BadInput(f"damaged (the video of its images is missing); {saves}", self.path)
                 yield place, messages
             else:
                 incomplete = place.sequence

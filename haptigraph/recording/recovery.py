@@ -177,7 +177,8 @@ def _check(path: Path, definitions: _Definitions, report: Progress) -> Recovery:
             recovery.lost_images += definitions.video is None and _is_in_video(group, definitions, path)
     recovery.steps = len(found) - 1
     if not recovery.steps:
-        raise BadInput("contains no complete step, so there is nothing to recover", path)
+        where = "".join(f" (byte {damage.start}: {damage.problem})" for damage in recovery.damage[:1])
+        raise BadInput(f"contains no complete step{where}, so there is nothing to recover", path)
     recovery.missing = [(before + 1, after - 1) for before, after in pairwise(found) if after > before + 1]
     if definitions.total is not None and found[-1] + 1 < definitions.total:
         recovery.missing.append((found[-1] + 1, definitions.total - 1))
@@ -191,7 +192,7 @@ def _groups(
     group, is_cut = list[Message](), False
     for piece in scan(path):
         if isinstance(piece, Damage):
-            is_cut = is_cut or piece.kind == "lost"
+            is_cut = is_cut or piece.kind in ("lost", "cut")
             continue
         for record in piece.records:
             if not isinstance(record, Message):

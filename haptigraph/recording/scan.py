@@ -18,7 +18,7 @@ from haptigraph.recording.attachments import CRC_BYTES, blocks, parse_attachment
 from haptigraph.recording.records import DAMAGE, RECORD_TYPES, parse_record
 from haptigraph.recording.schema import UNCHECKED
 
-__all__ = ["MAGIC", "Damage", "Piece", "open_regular", "scan", "scan_between"]
+__all__ = ["FOOTER", "MAGIC", "Damage", "Piece", "open_regular", "scan", "scan_between"]
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEADER = struct.Struct("<BQ")  # opcode, length
@@ -98,14 +98,14 @@ def scan(path: Path, *, verifies_attachments: bool = True) -> Iterator[Piece | D
         yield from _Scanner(file, path, verifies_attachments=verifies_attachments).pieces()
 
 
-def scan_between(path: Path, start: int, end: int) -> Iterator[Piece]:
-    """Yield the records between two byte offsets at record boundaries.
+def scan_between(path: Path, start: int, end: int, *, verifies_attachments: bool = True) -> Iterator[Piece]:
+    """Yield the records between two byte offsets at record boundaries, like `scan`.
 
     Raises:
         BadInput: If they cannot be read.
     """
     with open_regular(path) as file:
-        scanner = _Scanner(file, path)
+        scanner = _Scanner(file, path, verifies_attachments=verifies_attachments)
         scanner.size = min(scanner.size, end)
         while start < scanner.size:
             try:
@@ -202,7 +202,8 @@ class _Scanner:
         if opcode == Opcode.CHUNK:
             self._check_chunk_lengths(at + RECORD_HEADER.size, length)
         if at + RECORD_HEADER.size + length > self.size:
-            raise _Problem("an incomplete record", is_torn=True)
+            what = "attached video" if opcode == Opcode.ATTACHMENT else "record"
+            raise _Problem(f"an incomplete {what}", is_torn=True)
         return opcode, length
 
     def _check_chunk_lengths(self, at: int, length: int) -> None:

@@ -1,17 +1,27 @@
 """The video that a recording contains: whether to store one, and its images, by number, in order or not."""
 
+import os
 import threading
 import zlib
 from pathlib import Path
 
 import cv2
 import numpy as np
+from mcap.records import AttachmentIndex
 
 from haptigraph.messages import Image
 from haptigraph.opencv import open_capture, open_part
 from haptigraph.recording.attachments import AttachedFile
+from haptigraph.recording.scan import FOOTER, MAGIC, scan_between
 
-__all__ = ["StoredVideo", "crc_of_pixels", "decoder_name", "is_smaller_than_images", "png_bytes"]
+__all__ = [
+    "StoredVideo",
+    "crc_of_pixels",
+    "decoder_name",
+    "is_smaller_than_images",
+    "png_bytes",
+    "video_at_the_end",
+]
 
 NEAR = 32  # images that are decoded one by one rather than sought
 PNG_SHARE = 0.4  # of the bytes of its pixels: an image of an eye, as PNG
@@ -39,6 +49,26 @@ def is_smaller_than_images(path: Path) -> bool:
     images, width, height = (video.get(which) for which in properties)
     video.release()
     return path.stat().st_size <= images * png_bytes(height, width)
+
+
+def video_at_the_end(path: Path) -> "StoredVideo | None":
+    """Return the video that a complete recording has behind its steps, from its index; None: it has none.
+
+    Raises:
+        BadInput: If the index cannot be read.
+    """
+    with path.open("rb") as file:
+        end = file.seek(-len(MAGIC), os.SEEK_END)
+        file.seek(-FOOTER.size, os.SEEK_CUR)
+        _, _, start, _, _ = FOOTER.unpack(file.read(FOOTER.size))
+    for piece in scan_between(path, start, end):
+        for index in (record for record in piece.records if isinstance(record, AttachmentIndex)):
+            place = index.offset, index.offset + index.length
+            for found in scan_between(path, *place, verifies_attachments=False):
+                return next(
+                    (StoredVideo(each) for each in found.records if isinstance(each, AttachedFile)), None
+                )
+    return None
 
 
 class StoredVideo:

@@ -9,6 +9,7 @@ from threading import Thread
 from typing import TextIO
 
 from haptigraph.messages import Capture, Fault, Step
+from haptigraph.sinks.stale_images import StaleImages, is_stale
 
 __all__ = ["ConsoleSink"]
 
@@ -17,7 +18,7 @@ FLUSH_TIMEOUT_S = 1.0  # to write the queue at the end of the run
 
 
 class ConsoleSink:
-    """Print state changes, new faults, and their reported ends.
+    """Print state changes, new faults and their ends; of stale images that are frequent, only how many.
 
     Args:
         stream: Output; standard error if None.
@@ -34,6 +35,8 @@ class ConsoleSink:
         self._start_ns: int | None = None
         self._state = ""
         self._faults: tuple[Fault, ...] = ()
+        self._stale = StaleImages()
+        self._time_s = 0.0
         self.dropped = 0
         """Texts that were not written because the queue was full."""
         self._queue: SimpleQueue[str | None] = SimpleQueue()
@@ -44,11 +47,16 @@ class ConsoleSink:
         """Print the changes in one step."""
         self._start_ns = step.stamp_ns if self._start_ns is None else self._start_ns
         time_s = (step.stamp_ns - self._start_ns) / 1e9
-        for fault in step.observation.faults:
+        self._time_s = time_s
+        for line in self._stale.add(step):
+            self._print(f"{time_s:7.2f} s  ! {line}")
+        hides = self._stale.is_hidden
+        faults = tuple(fault for fault in step.observation.faults if not (hides and is_stale(fault)))
+        for fault in faults:
             if fault.is_over or fault not in self._faults:
                 self._print(f"{time_s:7.2f} s  {'' if fault.is_over else '! '}{fault}")
-        self._faults = step.observation.faults
-        if step.conclusion.state != self._state:
+        self._faults = faults
+        if step.conclusion.state != self._state and not hides:
             self._state = step.conclusion.state
             forces = ", ".join(step.conclusion.forces)
             exerts = f"; force: {forces}" if forces else ""
@@ -62,7 +70,9 @@ class ConsoleSink:
         return ()
 
     def close(self) -> None:
-        """Clear the line with the time, and write the queue, if the terminal still accepts it."""
+        """Write what is left, if the terminal still accepts it."""
+        for line in self._stale.counted():
+            self._print(f"{self._time_s:7.2f} s  ! {line}")
         if self._shows_time:
             self._put(self._clear)
         self._queue.put(None)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from haptigraph.errors import HaptigraphError
 from haptigraph.sources.cameras.realsense_sdk import info_of, sdk
+from haptigraph.sources.naming import DEFAULT_SCENARIO
 
 __all__ = ["SourceKind", "connected_cameras", "source_kinds"]
 
@@ -31,8 +32,11 @@ def source_kinds() -> list[SourceKind]:
     ros = "" if find_spec("cyclonedds") else "ros"
     rosbag = "" if find_spec("rosbags") else "rosbag"
     return [
-        SourceKind("phantom:SCENARIO", "a simulated eye and operator; or the path of a scenario (.toml)"),
-        SourceKind("teleop:SCENARIO", "a simulated eye whose needle you steer"),
+        SourceKind(
+            "phantom[:SCENARIO]",
+            f"a simulated eye and operator; or the path of a scenario (.toml); default: {DEFAULT_SCENARIO}",
+        ),
+        SourceKind("teleop[:SCENARIO]", "a simulated eye whose needle you steer"),
         SourceKind("camera:N", "a UVC camera; or the path of its device, or the URL of a stream"),
         SourceKind("realsense[:SERIAL]", "an Intel RealSense camera, with its own time stamps", realsense),
         SourceKind(

@@ -13,9 +13,11 @@ from haptigraph.importing import is_own, split_own
 
 __all__ = [
     "CAMERAS",
+    "DEFAULT_SCENARIO",
     "GENERATED",
     "OCT_FILES",
     "PREFETCHABLE",
+    "SIMULATED",
     "camera_device",
     "camera_size_px",
     "split_source",
@@ -31,6 +33,8 @@ PREFETCHABLE = ("dicom", "images", "oct", "phantom", "realsense-file", "recordin
 OCT_FILES = (".vol", ".e2e", ".fda", ".eye")
 """Suffixes of files that can only be OCT."""
 
+SIMULATED = ("phantom", "teleop")
+"""Kinds that show a simulated eye; without an argument the default scenario's."""
 DEFAULT_SCENARIO = "align_then_approach"
 REALSENSE_FILES = (".db3", ".bag")
 DICOM_MAGIC_OFFSET, DICOM_MAGIC = 128, b"DICM"
@@ -51,7 +55,7 @@ def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
     kind, _, argument = uri.partition(":")
     if is_own(uri) and kind not in kinds and not Path(uri).exists():
         return split_own(uri)
-    if uri == "teleop":
+    if uri in SIMULATED:
         return kind, DEFAULT_SCENARIO
     if kind == "realsense" and Path(argument).suffix.lower() not in REALSENSE_FILES:
         return kind, argument
@@ -82,9 +86,9 @@ def _no_such_source(uri: str) -> BadInput:
     if uri and (path.suffix or len(path.parts) > 1) and ":" not in uri:
         return BadInput("file not found; `haptigraph sources` lists what SOURCE can be", uri)
     return BadInput(
-        "no such source; valid: phantom:SCENARIO, teleop:SCENARIO, camera:N, realsense[:SERIAL], ros2:TOPIC, "
-        "rosbag:PATH, oct:PATH, or the path of a video, DICOM file, folder of images, recording (.mcap) "
-        "or one of the RealSense SDK (.db3), or MODULE:CLASS of your own",
+        "no such source; valid: phantom[:SCENARIO], teleop[:SCENARIO], camera:N, realsense[:SERIAL], "
+        "ros2:TOPIC, rosbag:PATH, oct:PATH, or the path of a video, DICOM file, folder of images, recording "
+        "(.mcap) or one of the RealSense SDK (.db3), or MODULE:CLASS of your own",
         uri or "''",
     )
 

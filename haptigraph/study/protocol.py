@@ -3,7 +3,6 @@
 Every error reports file and line, what was found and what would be valid.
 """
 
-import hashlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -15,7 +14,7 @@ from haptigraph.errors import BadInput
 from haptigraph.messages import Pattern
 from haptigraph.study.conditions import Order
 from haptigraph.study.frozen.analysis_plan import Analysis, check_analysis, numeric_measures
-from haptigraph.study.frozen.parts import is_same_part
+from haptigraph.study.frozen.parts import is_same_part, sha256_of_parts
 from haptigraph.study.frozen.quality import Quality
 from haptigraph.study.preparation.calibration import Calibration, checked_calibration
 from haptigraph.study.preparation.training import Training, check_training
@@ -173,9 +172,7 @@ class Protocol(Struct, frozen=True):
     @property
     def sha256(self) -> str:
         """SHA-256 of all parts."""
-        return hashlib.sha256(
-            "".join(f"{key}\0{self.parts[key]}\0" for key in sorted(self.parts)).encode()
-        ).hexdigest()
+        return sha256_of_parts(self.parts)
 
     def condition(self, name: str) -> Condition:
         """Return an existing condition."""

@@ -4,16 +4,15 @@ import os
 import re
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
 
 import pytest
 from helpers import call, refuse
-from paths import RENDERINGS
 
 from haptigraph.assemble import load_procedure
 from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
+from haptigraph.version import __version__
 
 COMMANDS = [
     "archive", "batch", "check", "demo", "devices", "diagram", "evaluate", "evidence", "explain", "figure", "live", "procedure", "query", "recover", "register", "replay", "run", "sources",
@@ -111,50 +110,6 @@ def test_a_replay_that_differs_exits_with_1(recording, monkeypatch):
     assert "command" in result.output
 
 
-def test_evaluate_prints_a_table_or_one_json_object():
-    clip = RENDERINGS / "golden_thin"
-    text = call("evaluate", clip, "--perceiver", "threshold", "--set", "perception.alpha=1").output
-    assert "detection_rate" in text
-    assert re.search(r"lag +-?0\.0\d images behind the truth \(alpha 1\)", text)
-    scores = json.loads(call("evaluate", clip, "--json").output)
-    recorded = json.loads(call("evaluate", clip, "--as-recorded", "--json").output)
-    assert recorded != scores and recorded["final_state"] == scores["final_state"]
-    unchanged = json.loads(
-        call("evaluate", clip, "--as-recorded", "--set", "source.jpeg_quality=0", "--json").output
-    )
-    assert {**unchanged, "origin": scores["origin"]} == scores
-    assert scores["origin"]["procedure_sha256"] == load_procedure("subretinal_injection").sha256
-    assert scores["clip"] == clip.name
-    assert set(scores["angle_error_deg"]) == {"shallow", "deep"}
-
-
-def test_evaluate_scores_simulated_scenes(monkeypatch, tmp_path):
-    from haptigraph.analysis.evaluation import accuracy
-
-    small = {"size_px": (480, 270)}
-    monkeypatch.setattr(accuracy, "sweep", partial(accuracy.sweep, **small))
-    monkeypatch.setattr(accuracy, "angle_noise", partial(accuracy.angle_noise, depths_mm=(5.0,), **small))
-    picture = tmp_path / "sweep.png"
-    options = ("evaluate", "--simulated", 2, "--perceiver", "threshold", "--seed", 3)
-    scores = json.loads(call(*options, "--json", "--figure", picture).output)
-    assert scores["seed"] == 3
-    assert scores["scenes"] == scores["perceivers"]["threshold"]["all"]["scenes"] == 2
-    assert picture.stat().st_size > 10_000
-    assert "Cramer-Rao" in call(*options).output
-
-
-def test_evaluate_takes_a_clip_or_simulated_scenes(tmp_path):
-    for wrong in ((), (tmp_path, "--simulated", 3)):
-        assert "either CLIP_DIR, --simulated N or --volumes FOLDER" in refuse("evaluate", *wrong)
-    assert "--seed and --figure go with --simulated" in refuse("evaluate", tmp_path, "--seed", 1)
-    assert "--as-recorded goes with CLIP_DIR" in refuse("evaluate", "--simulated", 1, "--as-recorded")
-    assert "unknown perceiver 'none'" in refuse("evaluate", "--simulated", 1, "--perceiver", "none")
-    configured = ("--set", "perception.perceiver=none")
-    assert "unknown perceiver 'none'" in refuse("evaluate", "--simulated", 1, *configured)
-    for wrong, problem in (("none/a.png", "no such folder"), ("a.xyz", "valid endings: .png, .svg, .pdf")):
-        assert problem in refuse("evaluate", "--simulated", 1, "--figure", tmp_path / wrong)
-
-
 def test_check_explains_a_procedure():
     result = call("check", "subretinal_injection")
     assert result.exit_code == 0
@@ -187,6 +142,22 @@ def test_explain_prints_rule_evidence_and_runner_up(recording):
     assert as_json["runner_up"]["state"] != as_json["state"]
     for wrong in (-1, 500):
         assert f"has no step at {wrong} s; valid: 0 to " in refuse("explain", recording, "--at", wrong)
+
+
+def test_explain_without_a_moment_says_what_a_recording_is(recording, quick_uri):
+    lines = call("explain", recording).output.splitlines()
+    for line in (
+        f"recording       {recording}, complete",
+        f"source          {quick_uri}, 15 images/s",
+        "perceiver       tracker",
+        "setting         run.realtime=false",
+        "ground truth    recorded: it is of a simulation",
+    ):
+        assert line in lines
+    facts = json.loads(call("explain", recording, "--json").output)
+    assert facts["version"] == __version__ and facts["steps"] == len(RunReader(recording))
+    assert facts["procedure_sha256"] == load_procedure("subretinal_injection").sha256
+    assert facts["dropped_images"] == 0
 
 
 def test_diagram_writes_an_svg_and_overwrites_none(tmp_path):
@@ -237,7 +208,7 @@ def test_sources_lists_syntax_and_missing_extras(monkeypatch):
 
     result = call("sources")
     assert result.exit_code == 0
-    for syntax in ("phantom:SCENARIO", "camera:N", "realsense[:SERIAL]", "FILE.dcm", "FILE.mcap", "FOLDER"):
+    for syntax in ("phantom[:SCENARIO]", "camera:N", "realsense[:SERIAL]", "FILE.dcm", "FILE.mcap", "FOLDER"):
         assert re.search(rf"^{re.escape(syntax)} .*\w", result.output, re.MULTILINE)
     monkeypatch.setattr(available, "find_spec", lambda name: None)
     monkeypatch.setattr(available, "connected_cameras", lambda: [("camera:2", "Microscope")])
@@ -425,7 +396,7 @@ def test_a_file_that_does_not_exist_is_not_found(name, tmp_path, monkeypatch):
 
 
 def test_a_misspelt_kind_of_source_lists_the_valid_ones():
-    assert "no such source; valid: phantom:SCENARIO" in refuse("run", "fantom:align_then_approach")
+    assert "no such source; valid: phantom[:SCENARIO]" in refuse("run", "fantom:align_then_approach")
 
 
 @pytest.mark.parametrize("suffix", [".bag", ".db3", ""])

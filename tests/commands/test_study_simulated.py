@@ -1,6 +1,7 @@
 """A study is simulated, reported and swept by one command each."""
 
 import csv
+import shutil
 import sys
 from pathlib import Path
 
@@ -54,6 +55,21 @@ def test_every_file_of_a_simulated_report_is_marked_as_simulated(study, tmp_path
     assert checked.exit_code == 0  # recordings are unchanged
     assert "by SIMULATED participants" in checked.output
     assert "simulated participants" in call("study", "status", study).output
+
+
+def test_a_report_says_that_the_protocol_was_edited_after_the_first_participant(study, tmp_path, monkeypatch):
+    monkeypatch.setattr("haptigraph.analysis.study.report.draw_figures", lambda *_: [])
+    said = "The protocol was edited after the first participant: study.toml was changed."
+    assert said not in reported(study, tmp_path / "before")["report.html"].decode()
+    edited = shutil.copytree(study, tmp_path / "edited")
+    file = edited / "study.toml"
+    file.write_text(file.read_text().replace('expect = "smaller"', 'expect = "different"'))
+    for folder, output in ((edited, "report"), (tmp_path / "report" / "tables", "again")):
+        assert said in call("study", "report", folder, "-o", tmp_path / output).stdout
+        assert f'<p class="mark">{said}' in (tmp_path / output / "report.html").read_text()
+        assert said in (tmp_path / output / "methods.txt").read_text()
+    imported = call("study", "import", tmp_path / "report" / "tables", "--store", tmp_path / "other.db")
+    assert imported.exit_code == 0
 
 
 @pytest.mark.slow

@@ -40,6 +40,14 @@ def test_a_rotated_picture_is_refused_with_the_way_out(clips, tmp_path):
     )
 
 
+def test_a_stated_trocar_does_not_hide_that_the_picture_looks_rotated(clips, tmp_path):
+    options = "-o", tmp_path / "eye.toml", "--force", "--trocar"
+    doubtful = call("register", clips / "rotated", *options, "148,136").stdout
+    assert "upright    DOUBTFUL: what moves beside the eye does not enter from above" in doubtful
+    certain = call("register", clips / "upright", *options, "240,45").stdout
+    assert "upright    the needle enters from above; trocars found 36 deg to the " in certain
+
+
 def test_turning_it_back_gives_the_same_registration(clips):
     upright, rotated = (load_registration(clips / f"{name}.toml") for name in ("upright", "rotated"))
     assert (rotated.width_px, rotated.height_px) == (upright.width_px, upright.height_px) == (480, 270)

@@ -4,6 +4,7 @@ import pytest
 
 pytest.importorskip("sybil", reason="needs the packages of `make docs`")
 
+import snippets
 from snippets import parse, setup, teardown
 from sybil import Document
 from sybil.example import SybilFailure
@@ -44,6 +45,29 @@ def run(text, folder):
 def test_what_is_wrong_fails(text, problem, tmp_path):
     with pytest.raises((SybilFailure, AssertionError, ValueError)) as failed:
         run(text, tmp_path)
+    assert problem in str(failed.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (
+            "<!-- until ready -->\n\n```console\n$ echo never; sleep 900\n```\n",
+            "without printing 'ready':\nnever",
+        ),
+        (
+            "<!-- until ready -->\n\n```console\n$ trap '' INT; echo ready; sleep 900\n```\n",
+            "without ending:\nready",
+        ),
+        ("```console\n$ echo begun; sleep 900 &\n```\n", "without ending:\nbegun"),
+        ("```console\n$ echo begun; sleep 900\n```\n", "without ending:\nbegun"),
+    ],
+)
+def test_a_command_that_goes_on_and_on_is_killed(text, problem, tmp_path, monkeypatch):
+    monkeypatch.setattr(snippets, "TIMEOUT_S", 1)
+    with pytest.raises(SybilFailure) as failed:
+        run(text, tmp_path)
+    assert "was killed after 1 s " in str(failed.value)
     assert problem in str(failed.value)
 
 

@@ -18,6 +18,7 @@ from click.testing import CliRunner
 from damages import DAMAGES, truncate
 from helpers import make_step
 from mcap.reader import make_reader
+from mcap.records import Message
 from paths import DATA
 
 from haptigraph.analysis.metrics.replay import replay
@@ -30,7 +31,7 @@ from haptigraph.dashboard.recordings.folder import RecordingFolder
 from haptigraph.errors import BadInput
 from haptigraph.messages import Capture
 from haptigraph.projection import ImageGeometry
-from haptigraph.recording import attachments, stored_video
+from haptigraph.recording import attachments, compaction, stored_video
 from haptigraph.recording import writer as writer_module
 from haptigraph.recording.attachments import AttachedFile
 from haptigraph.recording.codec import decode, format_of
@@ -293,7 +294,7 @@ def test_a_run_that_was_killed_while_the_video_was_stored_has_no_step(journal, t
     data = journal.read_bytes()[: place.start + place.size // 2]
     path.write_bytes(data)
     assert RunReader(path).count() == (0, 0)
-    with pytest.raises(BadInput, match="contains no complete step"):
+    with pytest.raises(BadInput, match=r"no complete step \(byte \d+: an incomplete attached video\)"):
         recover(path)
     assert path.read_bytes() == data
 
@@ -317,6 +318,35 @@ def test_a_flipped_bit_in_the_video_costs_its_images_and_is_reported(recording, 
     assert [step for _, step in saved.records()] == [step for _, step in RunReader(recording).records()]
     again = recover(recovery.saved)
     assert (again.saved, again.is_lossless, again.lost_images) == (None, False, IMAGES)
+
+
+def test_all_steps_before_a_cut_are_recovered(whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(compaction, "CHUNK_BYTES", 2**15)
+    source, path, saved = (tmp_path / name for name in ("source.mcap", "cut.mcap", "cut.recovered.mcap"))
+    compaction.write_compacted(source, (record for _, record in complete_records(whole)))
+    data, pieces, place = source.read_bytes(), list(scan(source)), place_of_video(source)
+    chunks = [piece for piece in pieces if piece.has_crc]
+    video = next(piece for piece in pieces if place in piece.records)
+    truth = [step for _, step in RunReader(whole).places()]
+    ends = {
+        each.sequence: piece.end for piece in chunks for each in piece.records if isinstance(each, Message)
+    }
+    assert len(chunks) > 3
+    for cut in (
+        *(piece.end + more for piece in chunks for more in (-1, 0)),
+        *(video.start + 1, place.start + place.size // 2, video.end, len(data) - 20),
+    ):
+        path.write_bytes(data[:cut])
+        saved.unlink(missing_ok=True)
+        steps = sum(end <= cut for end in ends.values())
+        if not steps:
+            with pytest.raises(BadInput, match="contains no complete step"):
+                recover(path)
+            continue
+        recovery = recover(path)
+        found = [step for _, step in RunReader(recovery.saved).places()]
+        assert found == truth[:steps]
+        assert recovery.lost_images == (0 if cut >= video.end else min(len(found), IMAGES))
 
 
 @pytest.mark.parametrize("at", [1, 9, 17, 29, -2])

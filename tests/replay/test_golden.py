@@ -22,15 +22,14 @@ def numbers(message) -> list[float]:
     return flat(to_builtins(message))
 
 
-def flat(value) -> list[float]:
-    """Every number in it, in order."""
+def flat(value, unit=1.0) -> list[float]:
+    """Every number in it, in order; stamps in seconds."""
     if isinstance(value, int | float):
-        return [value]
+        return [value * unit]
     if value is None or isinstance(value, str):
         return []
-    return [
-        number for item in (value.values() if isinstance(value, dict) else value) for number in flat(item)
-    ]
+    named = value.items() if isinstance(value, dict) else (("", item) for item in value)
+    return [number for name, item in named for number in flat(item, 1e-9 if name.endswith("_ns") else 1.0)]
 
 
 def test_every_shipped_scenario_has_its_golden_recording():

@@ -4,8 +4,9 @@ import threading
 from helpers import MS, make_step
 from msgspec.structs import replace
 
-from haptigraph.messages import Capture, Fault
+from haptigraph.messages import STALE_IMAGE, Capture, Fault
 from haptigraph.sinks.console import MAX_QUEUED, ConsoleSink
+from haptigraph.sinks.stale_images import FREQUENT_STALE
 
 
 def test_changes_and_new_faults_are_printed_once():
@@ -46,6 +47,69 @@ def test_the_forces_of_a_state_are_named():
     sink.write(Capture(0, 0, None), replace(step, conclusion=conclusion))
     sink.close()
     assert stream.getvalue().strip().endswith("because; force: guide, floor")
+
+
+def printed(shown: str) -> list[str]:
+    """What a run prints, one letter a 100 ms: a state, or "-" for a stale image."""
+    stream = io.StringIO()
+    sink = ConsoleSink(stream)
+    stale = Fault("source", f"{STALE_IMAGE}: none for 100 ms")
+    for number, letter in enumerate(shown):
+        state, faults = ("unknown", (stale,)) if letter == "-" else (letter, ())
+        stamp_ns = number * 100 * MS
+        sink.write(Capture(0, stamp_ns, None), make_step(stamp_ns=stamp_ns, state=state, faults=faults))
+    sink.close()
+    return [line.removesuffix("because").strip() for line in stream.getvalue().splitlines()]
+
+
+PAIR = [
+    "{:.2f} s  ! source: stale image: none for 100 ms",
+    "{:.2f} s  unknown",
+    "{:.2f} s  a",
+]
+
+
+def pair(at_s: float) -> list[str]:
+    """The lines of a stale image, and of the state after it."""
+    times_s = (at_s, at_s, at_s + 0.1)
+    return [line.format(time_s) for line, time_s in zip(PAIR, times_s, strict=True)]
+
+
+def test_of_frequent_stale_images_only_the_number_is_printed():
+    shown = "a" + 3 * "-a" + 20 * "--a" + "b" + 40 * "-b"
+    lines = printed(shown)
+    assert lines[:10] == ["0.00 s  a", *pair(0.1), *pair(0.3), *pair(0.5)]
+    assert lines[10] == f"0.70 s  ! {FREQUENT_STALE}"
+    assert lines[11:] == [
+        "6.70 s  b",
+        "10.70 s  ! 40 x source: stale image",
+        "14.70 s  ! 20 x source: stale image",
+    ]
+
+
+def test_a_long_loss_is_printed_even_where_stale_images_are_frequent():
+    lines = printed("a" + 5 * "-a" + 30 * "-" + "a")
+    assert lines[10:] == [
+        f"0.70 s  ! {FREQUENT_STALE}",
+        "2.10 s  ! source: stale image: none for 100 ms",
+        "2.10 s  unknown",
+        "4.10 s  a",
+        "4.10 s  ! 3 x source: stale image",
+    ]
+
+
+def test_when_images_arrive_in_time_again_it_is_said_and_the_next_is_printed():
+    lines = printed("a" + 5 * "-a" + 210 * "a" + "-a")
+    assert lines[10:] == [
+        f"0.70 s  ! {FREQUENT_STALE}",
+        "10.70 s  ! 2 x source: stale image",
+        "20.70 s  ! images arrive in time again",
+        *pair(22.1),
+    ]
+
+
+def test_rare_stale_images_are_all_printed():
+    assert len(printed(5 * (41 * "a" + "-") + "a")) == 1 + 5 * 3
 
 
 class Terminal(io.StringIO):

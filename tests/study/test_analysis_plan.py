@@ -39,6 +39,10 @@ INVALID = [
      'measure = "mean_theta_deg"\nfirst = "seen"\nsecond = "felt"\nexpect = "smaller"', "line 55: the same hypothesis twice"),
     ('first = "seen"\nsecond = "felt"\nexpect = "equivalent"', 'first = "felt"\nsecond = "seen"\nexpect = "equivalent"',
      "line 57: name the conditions of an equivalence in the order of the protocol"),
+    ('measure = "mean_theta_deg"', 'measure = "mean_theta_dg"', "line 50: unknown measure 'mean_theta_dg'; did you mean"),
+    ('primary = ["mean_theta_deg"]', 'primary = [\n  "mean_theta_deg",\n  "completion",\n]', "line 47: unknown measure 'completion'"),
+    ("equivalence = { completion_s = [-10, 10] }", "[analysis.equivalence]\ncompletion_s = [-10, 10]\npath = [-1, 1]",
+     "line 49: unknown measure 'path'"),
     ("min_trials = 2", "exclude_poor_trials = true", r"line 46: \[quality\] sets no threshold; set one, or remove"),
     ('expect = "smaller"', 'sides = 1', r"line 53: unknown key 'sides'"),
 ]  # fmt: skip

@@ -1,8 +1,12 @@
 """The tables of an archive: name, type, unit and meaning of every column."""
 
+from collections.abc import Iterable
 from typing import Literal, NamedTuple, TypeAlias
 
-__all__ = ["RUNS", "STEPS", "Column", "unit_of"]
+from haptigraph.analysis.exporting.columns import Column as ExportedColumn
+from haptigraph.analysis.exporting.columns import certainty_columns, measure_columns, sd_name
+
+__all__ = ["RUNS", "STEPS", "Column", "columns_of_steps"]
 
 Kind: TypeAlias = Literal["text", "integer", "number", "yes_no", "time", "numbers", "integers"]
 UNITS = {"s": "s", "ms": "ms", "ns": "ns", "mm": "mm", "um": "µm", "deg": "°", "hz": "Hz", "percent": "%"}
@@ -53,6 +57,16 @@ RUNS = (
     Column("state_s", "numbers", "time in each state in the whole recording", "s"),
     Column("part", "text", "the file of the archive that has its steps"),
 )
+
+
+def _of(exported: Iterable[ExportedColumn]) -> tuple[Column, ...]:
+    """Return numbers that an export has, too, under the same names."""
+    return tuple(
+        Column(each.name, "number", each.meaning, UNITS.get(each.name.rpartition("_")[2], ""))
+        for each in exported
+    )
+
+
 STEPS = (
     Column("recording", "text", "path of the file in the archive"),
     Column("step", "integer", "number in the recording, from 0"),
@@ -61,10 +75,14 @@ STEPS = (
     Column("plays", "text", "the pattern commanded"),
     Column("amplitude", "number", "commanded at that moment, 0 to 1"),
     Column("faults", "integer", "number of faults"),
+    *_of(certainty_columns()),
 )
-"""Followed by a column for each measure of the procedures, named as in them."""
+"""Followed by columns for the measures of all procedures, named as in them, and their standard deviations."""
 
 
-def unit_of(measure: str) -> str:
-    """Return the unit that the name of a measure ends in."""
-    return UNITS.get(measure.rpartition("_")[2], "")
+def columns_of_steps(names: Iterable[str]) -> tuple[Column, ...]:
+    """Return the columns of the table `steps` that has these names."""
+    known = {column.name for column in STEPS}
+    others = [name for name in names if name not in known]
+    sds = {sd_name(name) for name in others}
+    return (*STEPS, *_of(measure_columns(name for name in others if name not in sds)))

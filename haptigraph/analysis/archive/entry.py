@@ -1,13 +1,13 @@
 """Index one recording: its header, hash, outcome, times and faults as a row, and its steps as columns."""
 
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 from msgspec import Struct
 
+from haptigraph.analysis.exporting.columns import Row, certainty_columns, measure_columns
 from haptigraph.analysis.metrics.replay import recorded_procedure
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.checksum import sha256_of
@@ -104,9 +104,12 @@ class _Steps:
     """The columns of a recording's steps, and what is counted over them."""
 
     def __init__(self, procedure: Procedure) -> None:
-        self._kinds, self._measures = procedure.kinds, procedure.schema.measure_names
-        names: Sequence[str] = ("step", "time_s", "state", "plays", "amplitude", "faults", *self._measures)
-        self.columns: dict[str, list[Any]] = {name: [] for name in names}
+        self._kinds = procedure.kinds
+        self._numbers = (*certainty_columns(), *measure_columns(procedure.schema.measure_names))
+        names = ("step", "time_s", "state", "plays", "amplitude", "faults")
+        self.columns: dict[str, list[Any]] = {
+            name: [] for name in (*names, *(each.name for each in self._numbers))
+        }
         self._start_ns = self._images = self._dropped = self._faulty = self._alarms = 0
         self._faults: Counter[str] = Counter()
         self._was_alarm = False
@@ -115,6 +118,7 @@ class _Steps:
         """Append the next step."""
         number = len(self.columns["step"])
         self._start_ns = self._start_ns if number else step.stamp_ns
+        row = Row(number, capture, step, self._start_ns)
         values = {
             "step": number,
             "time_s": (step.stamp_ns - self._start_ns) / 1e9,
@@ -122,7 +126,7 @@ class _Steps:
             "plays": step.command.pattern.name,
             "amplitude": amplitude_at(step.command, step.stamp_ns),
             "faults": len(step.faults),
-            **{name: step.graph.measures.get(name) for name in self._measures},
+            **{each.name: each.value(row) for each in self._numbers},
         }
         for name, value in values.items():
             self.columns[name].append(value)

@@ -7,7 +7,7 @@ from msgspec import Struct
 
 from haptigraph.analysis.archive.entry import Entry, IndexTask, index_recording
 from haptigraph.analysis.archive.recordings import check_folder, found_recordings
-from haptigraph.analysis.archive.tables import Archive, steps_table, with_rows
+from haptigraph.analysis.archive.tables import Archive, no_runs, steps_table, with_rows
 from haptigraph.recording.journal import not_being_written
 from haptigraph.recording.writer import Progress
 from haptigraph.spreading.spread import spread
@@ -32,6 +32,8 @@ class Updated(Struct):
     """Recordings that are not indexed yet."""
     damaged: list[tuple[str, str]] = []
     """Recordings read now, or earlier, that cannot be read, and why."""
+    is_made_again: bool = False
+    """Whether there was an index of another version, so that all recordings were read."""
 
 
 class Changes(NamedTuple):
@@ -42,18 +44,17 @@ class Changes(NamedTuple):
     """Rows whose recording has changed or is gone."""
 
 
-def changes_in(archive: Archive) -> Changes:
-    """Compare a folder with its index, by the size and time of change of each file."""
-    runs = archive.runs()
-    known = dict(
-        zip(
-            runs["recording"].to_pylist(),
-            zip(runs["bytes"].to_pylist(), runs["changed_ns"].to_pylist(), strict=True),
-            strict=True,
-        )
-    )
-    to_read, same, folder = list[IndexTask](), set[str](), str(archive.folder.resolve())
-    for found in found_recordings(archive.folder):
+def changes_in(recordings: Path, runs: Any) -> Changes:
+    """Compare a folder with its index, by the size and time of change of each file.
+
+    Args:
+        recordings: The folder.
+        runs: The table of its index; None: there is none.
+    """
+    rows = [] if runs is None else runs.select(["recording", "bytes", "changed_ns"]).to_pylist()
+    known = {row["recording"]: (row["bytes"], row["changed_ns"]) for row in rows}
+    to_read, same, folder = list[IndexTask](), set[str](), str(recordings.resolve())
+    for found in found_recordings(recordings):
         if known.get(found.name) == (found.size, found.changed_ns):
             same.add(found.name)
         else:
@@ -85,11 +86,14 @@ def update_archive(
     lock = archive.place / "lock"
     lock.touch()
     with not_being_written(lock, "is being updated by another program; wait for it, or end it"):
-        changes = changes_in(archive)
-        runs = archive.without(archive.runs(), changes.gone)
+        before = archive.runs()
+        is_made_again = before is None and archive.exists
+        changes = changes_in(folder, before)
+        runs = no_runs() if before is None else archive.without(before, changes.gone)
         archive.write_runs(runs)
         again = {task.name for task in changes.to_read}
-        updated = Updated(unchanged=len(runs), removed=sum(name not in again for name in changes.gone))
+        removed = sum(name not in again for name in changes.gone)
+        updated = Updated(unchanged=len(runs), removed=removed, is_made_again=is_made_again)
         part = _Part(archive, runs)
         if progress is not None:
             progress("indexing", 0, len(changes.to_read))
@@ -103,7 +107,7 @@ def update_archive(
             if progress is not None:
                 progress("indexing", done, len(changes.to_read))
         part.write()
-        rows = archive.runs().select(["recording", "problem"]).to_pylist()
+        rows = part.runs.select(["recording", "problem"]).to_pylist()
     updated.damaged = sorted((row["recording"], row["problem"]) for row in rows if row["problem"])
     return updated
 
@@ -112,7 +116,8 @@ class _Part:
     """Entries that are not in the archive yet."""
 
     def __init__(self, archive: Archive, runs: Any) -> None:
-        self._archive, self._runs = archive, runs
+        self._archive = archive
+        self.runs = runs
         self._rows, self._steps = list[dict[str, Any]](), list[Any]()
 
     def add(self, entry: Entry) -> None:
@@ -130,8 +135,8 @@ class _Part:
             return
         name = self._archive.write_part(self._steps) if self._steps else None
         rows = [row if "problem" in row else row | {"part": name} for row in self._rows]
-        self._runs = with_rows(self._runs, rows)
-        self._archive.write_runs(self._runs)
+        self.runs = with_rows(self.runs, rows)
+        self._archive.write_runs(self.runs)
         self._rows, self._steps = [], []
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from haptigraph.analysis.archive.dictionary import RUNS, STEPS, unit_of
+from haptigraph.analysis.archive.dictionary import RUNS, columns_of_steps
 from haptigraph.analysis.archive.index import changes_in
 from haptigraph.errors import BadInput, MissingExtra
 
@@ -75,9 +75,13 @@ def open_archive(folder: Path) -> duckdb.DuckDBPyConnection:
     archive = Archive(folder)
     if not archive.exists:
         raise BadInput(f"has no archive; create one with `haptigraph archive {folder}`", folder)
+    runs = archive.runs()
+    if runs is None:
+        update = f"bring it up to date with `haptigraph archive {folder}`"
+        raise BadInput(f"its archive is of another version of haptigraph; {update}", folder)
     connection = duckdb.connect(":memory:", config=CONFIG)
-    steps = archive.steps()
-    connection.register("runs", archive.runs())
+    steps = archive.steps(runs)
+    connection.register("runs", runs)
     connection.register("steps", steps)
     connection.register("columns", _columns(steps.schema.names))
     connection.execute("SET lock_configuration = true")
@@ -86,7 +90,7 @@ def open_archive(folder: Path) -> duckdb.DuckDBPyConnection:
 
 def staleness(folder: Path) -> str:
     """Return a sentence about recordings that the index does not know as they are; empty: none."""
-    changes = changes_in(Archive(folder))
+    changes = changes_in(folder, Archive(folder).runs())
     read = {task.name for task in changes.to_read}
     counts = {"new or changed": len(read), "gone": sum(name not in read for name in changes.gone)}
     found = [f"{count} recordings are {what}" for what, count in counts.items() if count]
@@ -97,9 +101,7 @@ def staleness(folder: Path) -> str:
 
 def _columns(steps: Sequence[str]) -> pa.Table:
     """Return the data dictionary."""
-    listed = [("runs", *column) for column in RUNS] + [("steps", *column) for column in STEPS]
-    known = {column.name for column in STEPS}
-    measures = [name for name in steps if name not in known]
-    listed += [("steps", name, "number", "measure of the scene graph", unit_of(name)) for name in measures]
+    tables = {"runs": RUNS, "steps": columns_of_steps(steps)}
+    listed = [(table, *column) for table, columns in tables.items() for column in columns]
     names = ("table_name", "name", "kind", "meaning", "unit")
     return pa.Table.from_pylist([dict(zip(names, row, strict=True)) for row in listed])

@@ -20,10 +20,10 @@ try:
 except ModuleNotFoundError:
     raise MissingExtra("an archive", "archive") from None
 
-__all__ = ["Archive", "steps_table", "with_rows"]
+__all__ = ["Archive", "no_runs", "steps_table", "with_rows"]
 
 FOLDER, RUNS_FILE = "archive", "runs.parquet"
-FORMAT = b"1"
+FORMAT = b"2"
 FORMAT_KEY = b"haptigraph.archive"
 TYPES: dict[Kind, Any] = {
     "text": pa.string(),
@@ -36,6 +36,11 @@ TYPES: dict[Kind, Any] = {
 }
 RUNS_SCHEMA = pa.schema([(column.name, TYPES[column.kind]) for column in RUNS], metadata={FORMAT_KEY: FORMAT})
 STEPS_TYPES = {column.name: TYPES[column.kind] for column in STEPS}
+
+
+def no_runs() -> pa.Table:
+    """Return the table of recordings of an archive without any."""
+    return RUNS_SCHEMA.empty_table()
 
 
 def with_rows(runs: pa.Table, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
@@ -66,25 +71,25 @@ class Archive:
         """Whether there is an index."""
         return (self.place / RUNS_FILE).is_file()
 
-    def runs(self) -> pa.Table:
-        """Return the table of recordings; empty if there is none, or an earlier version wrote it.
+    def runs(self) -> pa.Table | None:
+        """Return the table of recordings; None if there is none, or another version wrote it.
 
         Raises:
             BadInput: If it cannot be read.
         """
         if not self.exists:
-            return RUNS_SCHEMA.empty_table()
+            return None
         try:
             table = parquet.read_table(self.place / RUNS_FILE)
         except (pa.ArrowException, OSError) as error:
             problem = f"cannot be read ({error}); delete it, and `haptigraph archive` makes it again"
             raise BadInput(problem, self.place / RUNS_FILE) from None
         is_current = (table.schema.metadata or {}).get(FORMAT_KEY) == FORMAT
-        return table.cast(RUNS_SCHEMA) if is_current else RUNS_SCHEMA.empty_table()
+        return table.cast(RUNS_SCHEMA) if is_current else None
 
-    def steps(self) -> dataset.Dataset:
-        """Return the steps of all recordings, with the columns of all procedures."""
-        parts = sorted(set(self.runs()["part"].drop_null().to_pylist()))
+    def steps(self, runs: pa.Table) -> dataset.Dataset:
+        """Return the steps of recordings, with the columns of all procedures."""
+        parts = sorted(set(runs["part"].drop_null().to_pylist()))
         files = [self.place / name for name in parts]
         schema = pa.schema(list(STEPS_TYPES.items()))
         schemas = [schema, *(parquet.read_schema(file) for file in files)]

@@ -4,37 +4,74 @@ import math
 from pathlib import Path
 from typing import Any
 
-from haptigraph.analysis.metrics.replay import replay_pipeline
+from haptigraph.analysis.evaluation.evaluation import spread
+from haptigraph.analysis.evaluation.report import Report, report_text
+from haptigraph.analysis.metrics.replay import (
+    recorded_config,
+    recorded_procedure,
+    recorded_registration,
+    replay_pipeline,
+)
+from haptigraph.assemble import perceiver_class, perceiver_name
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
 from haptigraph.inference.procedure import Procedure
 from haptigraph.recording.reader import RunReader
+from haptigraph.recording.writer import Progress
+from haptigraph.registration.camera import Registration
 
-__all__ = ["score_recording"]
+__all__ = ["report_recording", "score_recording"]
 
 MIN_DEPTH_MM = 2.0
 
 
-def score_recording(path: Path, procedure: Procedure | None = None) -> dict[str, Any]:
+def report_recording(
+    path: Path, procedure: Procedure | None = None, progress: Progress | None = None
+) -> Report:
+    """Score perception on one recording; see `score_recording`.
+
+    Raises:
+        BadInput: If it has no ground truth, or cannot be replayed.
+    """
+    scores = score_recording(path, procedure, progress)
+    errors_mm, errors_deg = scores.pop("tip_errors_mm"), scores.pop("theta_errors_deg")
+    scores = {
+        "recording": str(path),
+        "scored_images": scores.pop("images"),
+        **scores,
+        "tip_error_mm": spread(errors_mm),
+        "theta_error_deg": spread(errors_deg),
+    }
+    return Report(scores, report_text(scores))
+
+
+def score_recording(
+    path: Path, procedure: Procedure | None = None, progress: Progress | None = None
+) -> dict[str, Any]:
     """Replay a recording, and compare the reported tips with the true ones.
 
     Args:
         path: The recording.
         procedure: Another procedure to apply; None: the recorded one.
+        progress: Called with the progress.
 
     Returns:
         images with a visible tip at least 2 mm inside; tips reported in them; tips reported with no
         instrument in the eye; errors of the tip [mm] and of theta [deg], image by image.
 
     Raises:
-        BadInput: If it has no ground truth, or cannot be replayed.
+        BadInput: If it has no ground truth of a needle before a camera, or cannot be replayed.
     """
     reader = RunReader(path)
     pipeline = replay_pipeline(reader, procedure)
+    _check_has_needle(reader, procedure)
+    steps = reader.count()[0] if progress is not None else 0
     images = false_tips = tips = truths = 0
     errors_mm, errors_deg = list[float](), list[float]()
-    for capture, _ in reader.records():
+    for number, (capture, _) in enumerate(reader.records(), 1):
         step, truth = pipeline.step(capture), capture.truth
+        if progress is not None:
+            progress("evaluating", number, steps)
         if truth is None:
             continue
         truths += 1
@@ -58,3 +95,12 @@ def score_recording(path: Path, procedure: Procedure | None = None) -> dict[str,
         "tip_errors_mm": errors_mm,
         "theta_errors_deg": errors_deg,
     }
+
+
+def _check_has_needle(reader: RunReader, procedure: Procedure | None) -> None:
+    """Refuse a recording in which no needle can be scored: 0 of 0 tips would look perfect."""
+    if not isinstance(recorded_registration(reader), Registration):
+        raise BadInput("shows B-scans or volumes; only needles before a camera are scored", reader.path)
+    name = perceiver_name(recorded_config(reader), procedure or recorded_procedure(reader))
+    if "needle_tip" not in perceiver_class(name).entities:
+        raise BadInput(f"perceiver {name} reports no needle_tip, which alone is scored", reader.path)

@@ -3,6 +3,7 @@
 See docs/explanation/accuracy.md.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from haptigraph.analysis.evaluation.angle_noise import angle_noise
@@ -16,7 +17,7 @@ __all__ = ["report_simulated"]
 
 def report_simulated(
     scenes: int,
-    perceiver: str | None,
+    perceivers: Sequence[str],
     config: Config,
     *,
     seed: int = 0,
@@ -27,14 +28,14 @@ def report_simulated(
 
     Args:
         scenes: Number of scenes.
-        perceiver: Its name; None: all that are compared by default.
+        perceivers: Their names; empty: all that are compared by default.
         config: Settings of all perceivers, and the procedure.
         seed: Seed of the scenes.
         figure: The figure to write, if any.
         progress: Called with the progress.
 
     Raises:
-        BadInput: If the perceiver is unknown or the figure cannot be written.
+        BadInput: If a perceiver is unknown or the figure cannot be written.
         MissingExtra: If there is to be a figure, and Matplotlib is not installed.
     """
     if figure is not None:
@@ -44,7 +45,7 @@ def report_simulated(
         )
 
         check_output(figure)
-    names = [perceiver] if perceiver else perceivers_to_compare()
+    names = perceivers or perceivers_to_compare()
     swept = sweep(scenes, names, config, seed=seed, progress=progress)
     held = angle_noise(names, config, seed=seed, progress=progress)
     if figure is not None:

@@ -116,6 +116,8 @@ class Errors(Struct, frozen=True):
     """Errors of one sequence of steps, image by image; sequences can be pooled."""
 
     images: int
+    needle_images: int
+    """Images in which the tip of a needle is visible."""
     expected: list[bool]
     """Whether a needle was detected, for images with at least 2 mm of needle inside."""
     false_detections: int
@@ -170,6 +172,7 @@ def errors_of(
     contacts = [number for number in at_depth if _is_contact(true_states, number)]
     return Errors(
         images=len(truth),
+        needle_images=sum(row.visible for row in truth),
         expected=[_is_needle_found(step) for step, _ in deep],
         false_detections=sum(
             _is_needle_found(step) and not row.visible and not row.inside and not in_wall
@@ -198,15 +201,16 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
     """Score steps against the ground truth, image by image.
 
     Returns:
-        detection_rate, false_detections, tip_error_px, tip_error_mm, angle_error_deg, state_agreement,
-        wrong_contact_images, contact_images, missed_contact_images, those of `tip_scores`, state_changes,
-        final_state.
+        images, needle_images, detection_rate, false_detections, tip_error_px, tip_error_mm, angle_error_deg,
+        state_agreement, wrong_contact_images, contact_images, missed_contact_images, those of `tip_scores`,
+        state_changes, final_state.
     """
     errors = errors_of(steps, truth, image)
     tips_px = [error for _, error in errors.tips_px]
     states, true_states = [step.conclusion.state for step in steps], [row.state for row in truth]
     return {
         "images": errors.images,
+        "needle_images": errors.needle_images,
         "detection_rate": share(errors.expected),
         "false_detections": errors.false_detections,
         "tip_error_px": spread(tips_px),

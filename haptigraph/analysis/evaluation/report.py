@@ -13,7 +13,7 @@ from haptigraph.analysis.evaluation.sweep import Sweep
 from haptigraph.config import Config
 from haptigraph.recording.writer import Progress
 
-__all__ = ["Report", "report_clip", "sweep_object", "sweep_text"]
+__all__ = ["Report", "report_clip", "report_text", "sweep_object", "sweep_text"]
 
 COLUMNS = (
     ("found >=2mm", 12),  # detection rate at 2 mm depth or more
@@ -56,11 +56,15 @@ def report_clip(
         BadInput: If a file is missing or not valid.
     """
     evaluation = evaluate_clip(clip_dir, config, progress, as_recorded=as_recorded)
-    lines = [f"{name:34}{value}" for name, value in _flat(evaluation.scores)]
     lag, perception = evaluation.lag_images, config.perception
     average = f" (alpha {perception.alpha:g})" if perception.perceiver == "threshold" else ""
     lag_text = "-" if lag is None else f"{lag:.2f} images behind the truth{average}"
-    return Report(evaluation.scores, "\n".join([*lines, f"{'lag':34}{lag_text}"]))
+    return Report(evaluation.scores, f"{report_text(evaluation.scores)}\n{'lag':34}{lag_text}")
+
+
+def report_text(scores: dict[str, Any]) -> str:
+    """Return scores as text, one a line."""
+    return "\n".join(f"{name:34}{value}" for name, value in _flat(scores))
 
 
 def sweep_object(sweep: Sweep, held: Sequence[HeldDepth]) -> dict[str, Any]:
@@ -86,16 +90,16 @@ def _score_lines(sweep: Sweep) -> Iterator[str]:
         head = "".join(f"{name:>{width}}" for name, width in COLUMNS)
         yield f"{perceiver:19}{'images':>7}{head}"
         for condition, scores in rows.items():
-            angle = scores["angle_error_deg"]
+            angle, has_needle = scores["angle_error_deg"], scores["needle_images"] > 0
             cells = (
-                _percent(scores["detection_rate"]),
+                _percent(scores["detection_rate"]) if has_needle else "no needle",
                 str(scores["false_detections"]),
                 _pair(scores["tip_error_px"]),
                 _pair(angle["shallow"]),
                 _pair(angle["deep"]),
-                _percent(scores["state_agreement"]),
+                _percent(scores["state_agreement"]) if has_needle else "n/a",
                 str(scores["wrong_contact_images"]),
-                str(scores["missed_contact_images"]),
+                str(scores["missed_contact_images"]) if has_needle else "n/a",
                 _percent(scores["tip_known_rate"]),
                 _percent(scores["tip_far_rate"]),
                 _signed(scores["tip_bias_px"]),

@@ -103,6 +103,7 @@ def pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
     return {
         "scenes": len(scenes),
         "images": sum(errors.images for errors in scenes),
+        "needle_images": sum(errors.needle_images for errors in scenes),
         "detection_rate": share([hit for errors in scenes for hit in errors.expected]),
         "false_detections": sum(errors.false_detections for errors in scenes),
         "tip_error_px": spread([error for errors in scenes for _, error in errors.tips_px]),

@@ -45,7 +45,7 @@ def sweep_figure(sweep: Sweep, held: Sequence[HeldDepth], output: str | Path) ->
         held: Noise by depth, with the bound.
         output: The file to write.
     """
-    figure = Figure(figsize=(15, 5.2), layout="constrained")
+    figure = Figure(figsize=(12.5, 4.6), layout="constrained")
     angle, noise, tip = figure.subplots(1, 3)
     for color, (perceiver, by_condition) in zip(COLORS, sweep.errors.items(), strict=False):
         scenes = [errors for each in by_condition.values() for errors in each]
@@ -59,7 +59,7 @@ def sweep_figure(sweep: Sweep, held: Sequence[HeldDepth], output: str | Path) ->
     for axes in (angle, noise, tip):
         _style_axes(axes)
     figure.suptitle(f"{sweep.scenes} simulated scenes, seed {sweep.seed}")
-    figure.savefig(output, dpi=110)
+    figure.savefig(output, dpi=130)
 
 
 def _draw_errors(axes: "Axes", name: str, color: str, pairs: Sequence[tuple[float, float]]) -> None:

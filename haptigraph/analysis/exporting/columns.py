@@ -4,7 +4,7 @@ CSV, Parquet, MCAP and LeRobot are written from them, and their data dictionarie
 not recorded is None, never 0.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -19,7 +19,7 @@ from haptigraph.recording.reader import RunReader
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.registered import BaseRegistration
 
-__all__ = ["Column", "Row", "RunTable", "unit_of"]
+__all__ = ["Column", "Row", "RunTable", "certainty_columns", "measure_columns", "sd_name", "unit_of"]
 
 Group: TypeAlias = Literal[
     "run",
@@ -77,6 +77,12 @@ def unit_of(name: str) -> str:
     return UNITS.get(name.rpartition("_")[2], "")
 
 
+def sd_name(measure: str) -> str:
+    """Return the name of the column with a measure's standard deviation: "theta_sd_deg" of "theta_deg"."""
+    stem, _, unit = measure.rpartition("_")
+    return f"{stem}_sd_{unit}"
+
+
 class RunTable:
     """One recording as a table.
 
@@ -120,7 +126,7 @@ def _columns(
 ) -> Iterator[Column]:
     yield from _about_the_step(name, utc_offset_ns)
     yield from _decisions()
-    yield from _measures(procedure.schema.measure_names)
+    yield from measure_columns(procedure.schema.measure_names)
     yield from _needle(procedure, registration)
     yield from _scene()
     yield from _motion()
@@ -153,12 +159,9 @@ def _about_the_step(name: str, utc_offset_ns: int) -> Iterator[Column]:
 def _decisions() -> Iterator[Column]:
     yield Column("state", "text", "state", "the surgical state", lambda row: row.step.conclusion.state)
     yield Column(
-        "feels",
-        "text",
-        "haptics",
-        "the pattern that the state requests",
+        "feels", "text", "haptics", "the pattern that the state requests",
         lambda row: row.step.conclusion.feel,
-    )
+    )  # fmt: skip
     yield Column(
         "plays", "text", "haptics", "the pattern commanded", lambda row: row.step.command.pattern.name
     )
@@ -180,12 +183,12 @@ def _decisions() -> Iterator[Column]:
     )  # fmt: skip
 
 
-def _measures(names: Sequence[str]) -> Iterator[Column]:
+def measure_columns(names: Iterable[str]) -> Iterator[Column]:
+    """Yield the columns of measures, each with that of its standard deviation."""
     for name in names:
-        stem, _, unit = name.rpartition("_")
         yield Column(name, "number", "measures", "measure of the scene graph", _measure(name))
         yield Column(
-            f"{stem}_sd_{unit}", "number", "measures",
+            sd_name(name), "number", "measures",
             f"standard deviation of {name}, where a relation of the procedure has a margin", _sd(name),
         )  # fmt: skip
 
@@ -210,12 +213,16 @@ def _needle(procedure: Procedure, registration: BaseRegistration) -> Iterator[Co
                     f"{entity.name}_{end}{axis}_mm", "number", "needle", f"{axis} of {what}, eye frame",
                     _coordinate(entity.name, end, XYZ.index(axis)),
                 )  # fmt: skip
-    certainty = (
+    yield from certainty_columns()
+
+
+def certainty_columns() -> Iterator[Column]:
+    """Yield the columns of what a perceiver says of its needle."""
+    for name, meaning, field in (
         ("needle_confidence", "fraction of the visible shaft whose edges support one line", "confidence"),
         ("needle_tip_sd_mm", "standard deviation of the tip, per axis", "tip_sd_mm"),
         ("needle_line_sd_deg", "standard deviation of the shaft's angle", "theta_sd_deg"),
-    )
-    for name, meaning, field in certainty:
+    ):
         yield Column(name, "number", "needle", meaning, _of_certainty(field))
 
 

@@ -1,13 +1,12 @@
 """Runs, steps, conclusions and reports as HTML tables, for notebooks. No script, no style sheet."""
 
 import base64
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from html import escape
 
 from haptigraph.assemble import parse_procedure
 from haptigraph.display import view
 from haptigraph.errors import MissingExtra
-from haptigraph.graph import SceneGraph
 from haptigraph.messages import Conclusion, Step
 from haptigraph.recording.header import losses_sentence
 from haptigraph.recording.reader import RunReader
@@ -47,7 +46,8 @@ def step_html(step: Step) -> str:
         *sds,
         ("faults", "; ".join(map(str, step.faults))),
     ]
-    return _table_html(rows, step.conclusion.state) + (_graph_html(step.graph) if step.graph.nodes else "")
+    table = _table_html(rows, step.conclusion.state)
+    return table + _or_missing(lambda: str(view("SceneGraph", step.graph))) if step.graph.nodes else table
 
 
 def report_html(report: RunReport) -> str:
@@ -97,19 +97,21 @@ def run_html(run: RunReader) -> str:
     table = _table_html(rows, run.path.name)
     if not len(run):
         return table
-    try:
-        picture = base64.b64encode(view("run figure", run)._repr_png_()).decode()
-    except MissingExtra as missing:
-        return f"{table}<p>{escape(str(missing))}</p>"
-    alt = "states, measures and haptic output over time"
-    return f'{table}<img alt="{alt}" src="data:image/png;base64,{picture}">'
+    return table + _or_missing(lambda: _figure_html(run))
 
 
-def _graph_html(graph: SceneGraph) -> str:
+def _or_missing(drawn: Callable[[], str]) -> str:
+    """Return a drawing, or the extra that it needs."""
     try:
-        return str(view("SceneGraph", graph))
+        return drawn()
     except MissingExtra as missing:
         return f"<p>{escape(str(missing))}</p>"
+
+
+def _figure_html(run: RunReader) -> str:
+    picture = base64.b64encode(view("run figure", run)._repr_png_()).decode()
+    alt = "states, measures and haptic output over time"
+    return f'<img alt="{alt}" src="data:image/png;base64,{picture}">'
 
 
 def _conclusion_rows(conclusion: Conclusion) -> list[tuple[str, object]]:

@@ -17,12 +17,12 @@ from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_registration
+from haptigraph.sources.naming import SIMULATED
 
 __all__ = ["KINDS", "Kind", "paper_figure"]
 
 Kind: TypeAlias = Literal["pipeline", "views", "timeline"]
 KINDS: tuple[Kind, ...] = ("pipeline", "views", "timeline")
-SIMULATED = ("phantom:", "teleop:")
 NEEDLE = {"needle_tip", "needle_line"}
 MEANINGS = ("alarm", "success", "guidance", "neutral")
 """Kinds of states, the one that shows most first."""
@@ -57,7 +57,7 @@ def paper_figure(
             draw_timeline(figure, series)
         else:
             figure = _moment_figure(reader, series, kind, at_s, progress)
-        if reader.info.source.startswith(SIMULATED):
+        if reader.info.source.partition(":")[0] in SIMULATED:
             note = figure.text(0.002, 0.004, "simulated", ha="left", fontsize=5, color=COLORS["grey"])
             note.set_in_layout(False)
         save(figure, target)

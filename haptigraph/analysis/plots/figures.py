@@ -70,7 +70,7 @@ def run_figure(path: str | Path, output: str | Path, progress: Progress | None =
         for axes, number in zip(graphs.subplots(1, len(moments), squeeze=False)[0], moments, strict=True):
             draw_graph(axes, series.steps[number].graph, series.procedure.schema.relations)
     draw_timeline(bottom, series)
-    simulated = " (simulated)" if reader.info.source.startswith("phantom:") else ""
+    simulated = " (simulated)" if reader.info.source.partition(":")[0] == "phantom" else ""
     who = f" · participant {reader.info.participant}" if reader.info.participant else ""
     figure.suptitle(f"haptigraph {reader.info.version} · {reader.info.source}{simulated}{who}", fontsize=10)
     try:

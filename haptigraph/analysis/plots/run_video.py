@@ -36,7 +36,7 @@ REACH_S = 4.0
 """How much of the haptic output is shown before and after now."""
 MOST = 1.05
 """Top of the strip: the greatest amplitude is 1."""
-NOTES = {"phantom:": "SIMULATED: no person steered", "teleop:": "simulated eye"}
+NOTES = {"phantom": "SIMULATED: no person steered", "teleop": "simulated eye"}
 NO_IMAGE = 60
 FADED_SHARE = 0.45
 """Of the state's colour in the strip; the rest is white, so that the amplitude stands out."""
@@ -66,7 +66,7 @@ def run_video(path: str | Path, output: str | Path, progress: Progress | None = 
     reader = RunReader(path)
     series = read_series(reader)
     registration = parse_registration(reader.info.registration, f"registration in {path}")
-    note = next((text for kind, text in NOTES.items() if reader.info.source.startswith(kind)), "")
+    note = NOTES.get(reader.info.source.partition(":")[0], "")
     with new_video(target, WIDTH_PX, HEIGHT_PX, reader.info.rate_hz) as video:
         pictures = _Pictures(series, registration, note)
         for number, (capture, step) in enumerate(reader.records()):

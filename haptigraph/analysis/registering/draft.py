@@ -34,7 +34,7 @@ from haptigraph.perception.anatomy.anatomy import Anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.perception.anatomy.moving_shaft import median_image
 from haptigraph.perception.anatomy.rim import TYPICAL_WALL_MIDDLE
-from haptigraph.perception.anatomy.upright import enters_elsewhere
+from haptigraph.perception.anatomy.upright import enters_above
 from haptigraph.projection import Homography
 from haptigraph.registration.assumed import POSITIONS, TROCAR, in_order
 from haptigraph.registration.camera import Registration, anatomy_px
@@ -136,7 +136,7 @@ def open_images(
         draft = _default_draft(reference_image.shape[1], reference_image.shape[0], overrides)
         return OpenedSource(source, reference_image, None, draft, error.problem, turn=turn)
     draft, note = _found_draft(anatomy, overrides, source)
-    note = NOT_UPRIGHT if enters_elsewhere(images, anatomy) else note
+    note = NOT_UPRIGHT if enters_above(images, anatomy) is False else note
     opened = OpenedSource(source, anatomy.reference_image, anatomy, draft, note, turn=turn)
     try:
         registration = checked_registration(opened, draft)

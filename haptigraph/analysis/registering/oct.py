@@ -24,6 +24,7 @@ from haptigraph.messages import Image
 from haptigraph.perception.oct.scan_image import ScanScale, scan_image
 from haptigraph.perception.oct.surfaces import find_surfaces
 from haptigraph.recording.codec import encode_png
+from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.oct import ScanRegistration
 from haptigraph.sources.naming import OCT_FILES
@@ -49,6 +50,7 @@ def register_scans(
     *,
     force: bool = False,
     max_images: int = 40,
+    progress: Progress | None = None,
 ) -> str:
     """Check a source of B-scans or volumes, and write the registration and its picture.
 
@@ -59,6 +61,7 @@ def register_scans(
         picture: The PNG file to write; beside the TOML file if None.
         force: Whether to overwrite existing files.
         max_images: How many B-scans to examine, evenly spread.
+        progress: Called with the progress of reading.
 
     Returns:
         The report, several lines of text.
@@ -72,7 +75,7 @@ def register_scans(
     opened = open_source(config, VirtualClock())
     notes, text = opened.notes, opened.registration or ""
     with closing(images_of(opened)) as images:
-        scans = [grey_of(image) for image in spread_images(images, source, max_images, None)]
+        scans = [grey_of(image) for image in spread_images(images, source, max_images, progress)]
     registration = parse_registration(text, f"registration of {source}")
     axial_mm, lateral_mm = registration.image.axial_mm_per_px or 0.0, registration.image.mm_per_px
     slices, across = registration.image.slices, None

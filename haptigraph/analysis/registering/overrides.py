@@ -19,6 +19,7 @@ from haptigraph.registration.text import AnatomyPx, TrocarPx
 __all__ = [
     "MAX_LENS_RISK_PX",
     "NOT_UPRIGHT",
+    "UPRIGHT_HINT",
     "Overrides",
     "apply_overrides",
     "check_overrides",

@@ -19,7 +19,7 @@ from haptigraph.analysis.registering.overrides import (
     check_overrides,
 )
 from haptigraph.analysis.registering.picture import registration_picture
-from haptigraph.analysis.registering.report import WALL_MM, in_px_and_mm, report_lines, wall_mm
+from haptigraph.analysis.registering.report import WALL_MM, in_px_and_mm, report_lines, upright_line, wall_mm
 from haptigraph.assemble import SOURCES, is_live, open_source
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config, SourceConfig
@@ -31,7 +31,7 @@ from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy, find_anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.perception.anatomy.expected import Expected
-from haptigraph.perception.anatomy.upright import enters_elsewhere
+from haptigraph.perception.anatomy.upright import enters_above
 from haptigraph.recording.codec import decode
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
@@ -54,6 +54,7 @@ __all__ = [
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 MAX_TILT_DEG = 20.0
+FINDING, STAGES = "finding the eye", 3
 MAX_OUT_OF_ROUND_MM = 0.1  # after tilt correction
 
 
@@ -76,7 +77,7 @@ def register_source(
         picture: The PNG file to write; beside the TOML file if None.
         rig: The rig.toml of the set-up, as a prior of what is found; None: not known.
         force: Whether to overwrite existing files.
-        progress: Called with the progress of reading.
+        progress: Called with the progress.
 
     Returns:
         The report, several lines of text.
@@ -89,18 +90,22 @@ def register_source(
     design = load_design(rig) if rig else None
     overrides = design.stated(overrides) if design else overrides
     check_files(files, source, force=force)
+    report = progress or (lambda *_: None)
     with closing(all_images(source, overrides.turn)) as available:
         images = spread_images(available, source, overrides.images, progress)
+    report(FINDING, 0, STAGES)
     overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
     if design:
         design.check_images(images[0], overrides, source)
     expected, lens = design.expected if design else None, _lens(overrides, images)
     anatomy = plausible_anatomy(images, overrides.globe_mm, source, expected=expected, lens=lens)
     has_target = overrides.target is None and overrides.target_mm is None
+    report(FINDING, 1, STAGES)
     if design:
         anatomy = design.completed(anatomy)
         overrides = design.placed(overrides, anatomy)
-    if overrides.trocar is None and enters_elsewhere(images, anatomy):
+    above = enters_above(images, anatomy)
+    if overrides.trocar is None and above is False:
         raise BadInput(f"{NOT_UPRIGHT}; if it is upright, give --trocar", source)
     mm_per_px = overrides.globe_mm / (2 * anatomy.radius_px)
     found = apply_overrides(anatomy, overrides, mm_per_px, source)
@@ -110,12 +115,16 @@ def register_source(
     registration = parse_camera_registration(
         registration_text(found, title), f"registration found in {source}"
     )
+    report(FINDING, 2, STAGES)
     background = find_background_image(images, anatomy.reference_image, registration)
     found = replace(found, background_webp=background.webp if background else b"")
     png = registration_picture(anatomy.reference_image, registration, found, uncertainty, anatomy)
     write_files(files, (registration_text(found, title).encode(), png))
-    about_design = design_lines(design, anatomy, found, has_target=has_target) if design else []
-    return "\n".join(report_lines(anatomy, found, registration, overrides, files, about_design))
+    report(FINDING, 3, STAGES)
+    lines = design_lines(design, anatomy, found, has_target=has_target) if design else []
+    if not (design and any(not trocar.is_designed for trocar in anatomy.trocars)):  # which compares them
+        lines = [upright_line(anatomy, enters_above=above), *lines]
+    return "\n".join(report_lines(anatomy, found, registration, overrides, files, lines))
 
 
 def _lens(overrides: Overrides, images: Sequence[Image]) -> Lens | None:
@@ -154,7 +163,9 @@ def check_files(files: tuple[Path, ...], source: str, *, force: bool) -> None:
         if file.is_dir():
             raise BadInput("is a folder; give the name of a file", file)
         if file.exists() and Path(source).exists() and file.samefile(source):
-            raise BadInput("is the source itself; give --picture FILE or another name", file)
+            other = file.with_stem(f"{file.stem}_registration")
+            option = f"the picture; add --picture {other}" if file == files[-1] else f"-o; use -o {other}"
+            raise BadInput(f"is the source, and would be overwritten by {option}", file)
         if file.exists() and not force:
             raise BadInput("exists already; --force overwrites it", file)
         if not file.parent.is_dir():
@@ -180,6 +191,8 @@ def spread_images(
         spread.add(image)
         if progress and count % 25 == 0:
             progress("reading", count, count + 25)
+    if progress and spread.held:
+        progress("reading", count + 1, count + 1)
     if not spread.held:
         raise BadInput("has no images", source)
     if any(image.shape != spread.held[0].shape for image in spread.held):

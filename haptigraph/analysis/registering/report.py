@@ -5,7 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from haptigraph.analysis.registering.depth import depth_line
-from haptigraph.analysis.registering.overrides import MAX_LENS_RISK_PX, Overrides, named_trocars
+from haptigraph.analysis.registering.overrides import (
+    MAX_LENS_RISK_PX,
+    UPRIGHT_HINT,
+    Overrides,
+    named_trocars,
+)
 from haptigraph.geometry import Vec
 from haptigraph.imaging import UPRIGHT
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
@@ -24,6 +29,7 @@ __all__ = [
     "rim_line",
     "tilt_line",
     "trocar_evidence",
+    "upright_line",
     "wall_mm",
 ]
 
@@ -54,9 +60,9 @@ def report_lines(
     registration: Registration,
     overrides: Overrides,
     files: tuple[Path, Path],
-    about_design: Sequence[str] = (),
+    about_position: Sequence[str] = (),
 ) -> list[str]:
-    """Return the report, line by line; `about_design` are the lines that compare it with a rig's design."""
+    """Return the report, line by line; `about_position` are those about its rotation and a rig's design."""
     mm, inner, outer = registration.image.mm_per_px, anatomy.rim.inner, anatomy.rim.outer
     support = inner.support_ratio
     lines = [
@@ -92,7 +98,7 @@ def report_lines(
     lines.append(_background_line(bool(found.background_webp)))
     if found.turn != UPRIGHT:
         lines.append(f"turned     by {found.turn}; a run needs the same settings")
-    lines += [*about_design, *_assumed_lines(found.assumed)]
+    lines += [*about_position, *_assumed_lines(found.assumed)]
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
 
 
@@ -144,6 +150,26 @@ def rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
         "rim        assumed in the section; if it is in front of it, globe and retina are off by about "
         f"{uncertainty}: a clip with a needle that turns resolves this"
     )
+
+
+def upright_line(anatomy: Anatomy, *, enters_above: bool | None) -> str:
+    """Say by what the image is known to be upright, and where the trocars are in it.
+
+    Args:
+        anatomy: What was found.
+        enters_above: Whether the needle does; None: no needle moves beside the eye.
+    """
+    angles = [
+        f"{abs(each.angle_deg):.0f} deg to the {'right' if each.angle_deg > 0 else 'left'}"
+        for each in anatomy.trocars
+    ]
+    where = f"; trocars found {' and '.join(angles)} of the image's top" if angles else ""
+    if enters_above:
+        return f"upright    the needle enters from above{where}"
+    known = "DOUBTFUL: what moves beside the eye does not enter from above"
+    if enters_above is None:
+        known = "not verified, because no needle moves beside the eye"
+    return f"upright    {known}{where}; look at the picture: {UPRIGHT_HINT}"
 
 
 def _background_line(has_background: bool) -> str:

@@ -41,7 +41,7 @@ def document(title: str, parts: Sequence[str]) -> str:
 def page(
     title: str,
     facts: str,
-    note: str,
+    marks: Sequence[str],
     tables: Sequence[Table],
     beside: Beside | None,
     pictures: Sequence[Picture],
@@ -54,7 +54,7 @@ def page(
     Args:
         title: Of the study.
         facts: One line about it.
-        note: A prominent note at the top, such as that it was simulated; may be empty.
+        marks: Prominent notes at the top, such as that it was simulated.
         tables: The paper's first.
         beside: The study beside the paper.
         pictures: Of the study.
@@ -62,9 +62,9 @@ def page(
         details: Further tables: title, and data, by name.
         tex: The tables in LaTeX.
     """
-    mark = f'<p class="mark">{escape(note)}</p>' if note else ""
+    marked = "\n".join(f'<p class="mark">{escape(mark)}</p>' for mark in marks)
     parts = [
-        f"<h1>{escape(title)}</h1>\n{mark}\n<p class='quiet'>{escape(facts)}</p>",
+        f"<h1>{escape(title)}</h1>\n{marked}\n<p class='quiet'>{escape(facts)}</p>",
         "<h2>Results</h2>",
         *(table_html(table) for table in tables),
         *(_beside(beside) if beside else ()),

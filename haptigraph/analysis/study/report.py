@@ -17,6 +17,7 @@ from haptigraph.analysis.study.results_table import hypothesis_table, latex, mar
 from haptigraph.analysis.study.tables import StudyTables, read_tables
 from haptigraph.analysis.study.traces import Traces, read_traces
 from haptigraph.analysis.study.writing.methods import SIMULATED, methods, preregistered
+from haptigraph.analysis.study.writing.protocol import edited_note
 from haptigraph.errors import BadInput
 from haptigraph.recording.writer import Progress
 from haptigraph.version import __version__
@@ -113,8 +114,8 @@ def write_report(
         raise BadInput(f"cannot be written ({error.strerror})", error.filename or output) from None
     beside = beside_paper(results, simulated=simulated)
     shown = [*hypothesis_table(results), *result_tables(results)[:1], *([beside.table] if beside else [])]
-    notes = [preregistered(results), *(beside.notes if beside else ())]
-    summary = markdown(shown, SIMULATED if simulated else "", notes)
+    notes = [edited_note(tables), preregistered(results), *(beside.notes if beside else ())]
+    summary = markdown(shown, SIMULATED if simulated else "", [note for note in notes if note])
     return WrittenReport(output / "report.html", [output / name for name in files], summary)
 
 
@@ -148,7 +149,8 @@ def _files(
         name: (title, _titled(frames[name], results)) for name, title in TITLES.items() if name in frames
     }
     title = tables.protocol.title or tables.study
-    html = page(title, _facts(results), note, summaries, beside, pictures, paragraphs, shown, tex)
+    marks = [each for each in (note, edited_note(tables)) if each]
+    html = page(title, _facts(results), marks, summaries, beside, pictures, paragraphs, shown, tex)
     text = {
         "report.html": html,
         "results.tex": tex,

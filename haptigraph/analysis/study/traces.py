@@ -116,7 +116,7 @@ def read_traces(runs: pd.DataFrame, folder: Path, progress: Progress | None = No
             continue
         _check(path, row.get("recording_sha256"))
         reader = RunReader(path)
-        simulated |= reader.info.source.startswith("phantom:")
+        simulated |= reader.info.source.partition(":")[0] == "phantom"
         with warnings.catch_warnings(action="ignore", category=RenamedKey):
             procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
         trace = _trace(reader, done, row, procedure.span)

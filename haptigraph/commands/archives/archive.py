@@ -27,7 +27,8 @@ def archive(folder: str, workers: int | None, cluster: str | None, tls: str | No
 
     FOLDER/archive receives runs.parquet, a row for each recording, and the steps of all. Only what is new or
     has changed is read; what is gone is erased from the index. A recording that cannot be read is listed with
-    the reason. After an interruption, run it again to resume. Needs haptigraph[archive].
+    the reason. After an interruption, run it again to resume. An index of another version is made
+    again. Needs haptigraph[archive].
     """
     from haptigraph.analysis.archive.index import update_archive
 
@@ -38,6 +39,8 @@ def archive(folder: str, workers: int | None, cluster: str | None, tls: str | No
             cluster=cluster_of(cluster, tls),
             progress=progress,
         )
+    if updated.is_made_again:
+        click.echo("the index was of another version of haptigraph, and is made again")
     click.echo(
         f"{updated.indexed} recordings indexed, {updated.unchanged} unchanged, {updated.removed} removed"
     )

@@ -48,8 +48,8 @@ def robot_check(
     """Check the interface of ROBOT: frames, units, rates, stamps, states, latency.
 
     Bring the tip near the trocar, and move the robot by hand in every direction until the time is over.
-    Nothing is commanded without --enable. The exit code is 0 only if nothing was found, and 2 otherwise;
-    without a passed check haptigraph does not steer a robot.
+    Nothing is commanded without --enable. The exit code is 0 only if nothing was found, 1 otherwise, and 2
+    if the check could not begin. Without a passed check haptigraph does not steer a robot.
     """
     from haptigraph.clock import MonotonicClock
     from haptigraph.findings import write_report
@@ -86,4 +86,4 @@ def robot_check(
             write_report(report, Path(path))
             click.echo(f"report: {path}")
     if not report.passed:
-        sys.exit(2)
+        sys.exit(1)

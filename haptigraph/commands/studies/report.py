@@ -70,7 +70,7 @@ def study_report(
 
     FOLDER is the study's, which is exported to OUT/tables first, or an export. OUT receives the
     self-contained report.html, the figures as PDF, SVG and PNG, the tables in LaTeX, Markdown and CSV, and
-    the methods.
+    the methods. It follows the frozen protocol, and says whether that was edited after the first participant.
     """
     try:
         from haptigraph.analysis.study.report import write_report

@@ -56,7 +56,7 @@ class Hub:
         self._view: EyeView | None = None
         self._moving: frozenset[str] = frozenset()
         self._retained: dict[str, str] = {}
-        self._blind_hello = ""
+        self._blind_hello = self._level = ""
 
     # --- called in the loop's thread, and in the thread that drives the device ------------------------
 
@@ -121,9 +121,11 @@ class Hub:
             viewer.put_text(self._blind_hello if viewer.is_blind else self._retained["hello"])
 
     def join(self, viewer: Viewer) -> None:
-        """Add a viewer and send it the retained messages."""
+        """Add a viewer and send it the retained messages, and the level in force unless it is blinded."""
         for kind, text in self._retained.items():
             viewer.put_text(self._blind_hello if viewer.is_blind and kind == "hello" else text)
+        if self._level and not viewer.is_blind:
+            viewer.put_text(self._level)
         self.viewers.append(viewer)
 
     def leave(self, viewer: Viewer) -> None:
@@ -207,6 +209,7 @@ class Hub:
             edges.append((self.to_ms(stamp_ns), amplitude, frequency_hz))
         if edges:
             self._send(text_message("haptics", edges=edges), "")
+            self._level = text_message("haptics", edges=edges[-1:])
 
     def _image(self, capture: Capture, step: Step) -> tuple[ImageHeader, bytes]:
         """Return header and picture of one step, once for all viewers."""

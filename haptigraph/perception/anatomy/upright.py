@@ -12,7 +12,7 @@ from haptigraph.perception.anatomy.illumination import equalize_illumination
 from haptigraph.perception.anatomy.moving_shaft import ILLUMINATION_RATIO, moving_mask
 from haptigraph.perception.anatomy.rim import Rim
 
-__all__ = ["MAX_SHARE_ABOVE", "enters_elsewhere", "moving_outside", "share_above"]
+__all__ = ["MAX_SHARE_ABOVE", "enters_above", "moving_outside", "share_above"]
 
 RING_RATIOS = 1.1, 1.4  # of the wall's outer radius: what moves there enters or leaves the eye
 ABOVE_RATIO = 0.2  # of the radius above the centre, as for trocars
@@ -21,15 +21,17 @@ MAX_SHARE_ABOVE = 0.1
 """Of what moves outside an eye whose image is rotated."""
 
 
-def enters_elsewhere(images: Sequence[Image], anatomy: Anatomy) -> bool:
-    """Return whether something moves outside the eye, and hardly any of it above: a rotated image.
+def enters_above(images: Sequence[Image], anatomy: Anatomy) -> bool | None:
+    """Return whether what moves outside the eye enters it from above; None if nothing moves there.
+
+    If it does not, the image is rotated.
 
     Args:
         images: Images of one clip, at different times.
         anatomy: What was found in them.
     """
     moves = moving_outside(images, anatomy.reference_image, anatomy.rim)
-    return moves is not None and share_above(moves, anatomy.rim) < MAX_SHARE_ABOVE
+    return None if moves is None else share_above(moves, anatomy.rim) >= MAX_SHARE_ABOVE
 
 
 def moving_outside(images: Sequence[Image], reference: Image, rim: Rim) -> Mask | None:

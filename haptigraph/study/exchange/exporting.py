@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 
 import msgspec
 from msgspec import Struct
+from msgspec.structs import replace
 from sqlalchemy import select
 
 from haptigraph.errors import BadInput
@@ -21,6 +22,7 @@ from haptigraph.study.checksums import write_checksums
 from haptigraph.study.data_dictionary import COLUMNS, Field, fields_of
 from haptigraph.study.frozen.item_table import item_rows, typed_answer, value_kind
 from haptigraph.study.frozen.parts import frozen_questionnaires
+from haptigraph.study.protocol import Protocol
 from haptigraph.study.questionnaire import Item
 from haptigraph.study.store import Row, Store
 from haptigraph.study.tables import (
@@ -60,7 +62,7 @@ FORMULA = re.compile(r"'*[=+\-@\t\r]")  # after `'`, a spreadsheet shows it as t
 PLAIN_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
 
-class About(Struct, frozen=True, forbid_unknown_fields=True):
+class About(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The frozen study: the content of an export's `study.json`."""
 
     study: str
@@ -70,6 +72,8 @@ class About(Struct, frozen=True, forbid_unknown_fields=True):
     parts: dict[str, str]
     software: str
     frozen_utc: str
+    edited_parts: tuple[str, ...] | None = None
+    """Parts whose files differed from the frozen ones when the study was exported; None: not compared."""
 
 
 def tidy_tables(store: Store, study: str) -> Tables:
@@ -103,7 +107,11 @@ def tidy_tables(store: Store, study: str) -> Tables:
 
 
 def export_study(
-    store: Store, study: str, folder: str | Path, more: Mapping[str, WriteTable] | None = None
+    store: Store,
+    study: str,
+    folder: str | Path,
+    more: Mapping[str, WriteTable] | None = None,
+    protocol: Protocol | None = None,
 ) -> None:
     """Write a study into a new folder: CSV tables, their dictionary, the frozen protocol.
 
@@ -112,11 +120,14 @@ def export_study(
         study: The study's name.
         folder: The folder to create.
         more: Writers of additional formats, by file extension.
+        protocol: That of the study's folder, whose edits are noted; None: it is not at hand.
 
     Raises:
         BadInput: If there is no such study, or the folder exists or cannot be written.
     """
     tables, about = tidy_tables(store, study), about_study(store, study)
+    if protocol is not None:
+        about = replace(about, edited_parts=tuple(protocol.changed_parts(about.parts)))
     with new_folder(Path(folder)) as temporary:
         write_tables(temporary, tables, about, more)
         write_checksums(temporary)

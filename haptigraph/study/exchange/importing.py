@@ -69,6 +69,7 @@ def import_study(store: Store, export: Export) -> None:
         if connection.execute(existing).first() is not None:
             raise BadInput(f"already contains study {about.study}; nothing was imported", store.name)
         row = {**msgspec.structs.asdict(about), "parts": to_json(about.parts)}
+        del row["edited_parts"]  # of the folder that was exported
         connection.execute(STUDIES.insert().values(row))
         for name, table in TABLES.items():
             if export.rows[name]:

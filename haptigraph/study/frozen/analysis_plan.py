@@ -80,37 +80,41 @@ def check_analysis(
     Raises:
         BadInput: At the first problem, with its line.
     """
-    problems = list(_problems(analysis, measures, trials))
-    if analysis.exclude_poor_trials and not quality_limits(quality):
-        problems.append(("exclude_poor_trials", "[quality] sets no threshold; set one, or remove the key"))
+    problems = list(_unknown_measures(analysis, measures))
     for number, hypothesis in enumerate(analysis.hypotheses):
         if hypothesis in analysis.hypotheses[:number]:
             problems.append((f"hypothesis[{number}]", "the same hypothesis twice; remove one of them"))
         found = _hypothesis_problems(hypothesis, analysis.equivalence, conditions, measures)
         problems += [(f"hypothesis[{number}].{key}", problem) for key, problem in found]
+    problems += _problems(analysis, trials)  # last, as a misspelt name may cause them
+    if analysis.exclude_poor_trials and not quality_limits(quality):
+        problems.append(("exclude_poor_trials", "[quality] sets no threshold; set one, or remove the key"))
     for key, problem in problems:
         raise document.error(problem, f"analysis.{key}")
 
 
-def _problems(analysis: Analysis, measures: Collection[str], trials: int) -> Iterator[tuple[str, str]]:
+def _unknown_measures(analysis: Analysis, measures: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Yield keys and problems of names outside of hypotheses."""
+    named = [(f"primary[{number}]", name) for number, name in enumerate(analysis.primary)]
+    named += [(f"equivalence.{name}", name) for name in analysis.equivalence]
+    return ((key, unknown_name("measure", name, measures)) for key, name in named if name not in measures)
+
+
+def _problems(analysis: Analysis, trials: int) -> Iterator[tuple[str, str]]:
     """Yield keys and problems."""
     if not analysis.primary:
         yield "primary", "primary is empty; name one measure or more"
     tested = [each.measure for each in analysis.hypotheses]
-    for name in analysis.primary:
-        if name not in measures:
-            yield "primary", unknown_name("measure", name, measures)
+    for number, name in enumerate(analysis.primary):
         if name not in tested:
             yield (
-                "primary",
+                f"primary[{number}]",
                 f"no [[analysis.hypothesis]] is about {name!r}; add one, or remove it from primary",
             )
     for name, (low, high) in analysis.equivalence.items():
-        if name not in measures:
-            yield "equivalence", unknown_name("measure", name, measures)
         if not low < 0 < high:
             found = f"found {low:g} and {high:g}"
-            yield "equivalence", f"{name}: expected a bound below 0 and one above 0, {found}"
+            yield f"equivalence.{name}", f"{name}: expected a bound below 0 and one above 0, {found}"
     if analysis.min_trials > trials:
         most = f"expected at most {trials}, the trials under a condition"
         yield "min_trials", f"min_trials = {analysis.min_trials} excludes everyone; {most}"

@@ -1,5 +1,6 @@
 """Read the frozen parts of a protocol, and compare them with those of today by their content."""
 
+import hashlib
 import warnings
 from collections.abc import Mapping
 from functools import lru_cache
@@ -10,7 +11,7 @@ from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput, RenamedKey
 from haptigraph.study.questionnaire import Questionnaire, parse_questionnaire
 
-__all__ = ["frozen_questionnaires", "is_same_part"]
+__all__ = ["frozen_questionnaires", "is_same_part", "sha256_of_parts"]
 
 
 def is_same_part(name: str, frozen: str | None, text: str | None) -> bool:
@@ -24,6 +25,11 @@ def is_same_part(name: str, frozen: str | None, text: str | None) -> bool:
     if isinstance(before, Questionnaire) and isinstance(now, Questionnaire) and before.score is None:
         now = replace(now, score=None)
     return before == now
+
+
+def sha256_of_parts(parts: Mapping[str, str]) -> str:
+    """Return the SHA-256 of all parts of a protocol."""
+    return hashlib.sha256("".join(f"{key}\0{parts[key]}\0" for key in sorted(parts)).encode()).hexdigest()
 
 
 def frozen_questionnaires(parts: Mapping[str, str]) -> dict[str, Questionnaire]:

@@ -4,12 +4,15 @@ import os
 import shutil
 
 import pytest
+from pyarrow import parquet
 
 from haptigraph.analysis.archive.index import update_archive
 from haptigraph.analysis.archive.query import query_archive, staleness
 from haptigraph.analysis.archive.tables import Archive
 from haptigraph.analysis.metrics.run import measure_run
+from haptigraph.assemble import build
 from haptigraph.checksum import sha256_of
+from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.recording.journal import not_being_written
 from haptigraph.recording.reader import RunReader
@@ -51,6 +54,43 @@ def test_steps_are_those_of_the_recordings(folder):
         (number, step.conclusion.state, step.graph.measures.get("theta_deg"))
         for number, step in enumerate(steps)
     ]
+
+
+def test_a_step_has_the_standard_deviations_that_were_recorded(folder):
+    settings = (
+        f"source.uri={folder / NAMES[0]}",
+        "run.procedure=subretinal_injection_cautious",
+        "run.realtime=false",
+        f'recording.path="{folder / "cautious.mcap"}"',
+    )
+    build(load_config(None, settings)).run()
+    update_archive(folder)
+    for name, has_margins in ((NAMES[1], False), ("cautious.mcap", True)):
+        steps = [step for _, step in RunReader(folder / name).records(images=())]
+        columns = "needle_tip_sd_mm, needle_line_sd_deg, distance_to_retina_sd_mm"
+        found = rows(folder, f"select {columns} from steps where recording = '{name}' order by step")
+        for row, step in zip(found, steps, strict=True):
+            of = step.observation.certainty
+            perceived = (None, None) if of is None else (of.tip_sd_mm, of.theta_sd_deg)
+            assert row == (*perceived, step.graph.sds.get("distance_to_retina_mm"))
+        assert any(row[0] for row in found)
+        assert any(row[2] for row in found) == has_margins
+
+
+def test_an_index_of_another_version_is_made_again(folder):
+    update_archive(folder)
+    assert not update_archive(folder).is_made_again
+    file = folder / "archive" / "runs.parquet"
+    table = parquet.read_table(file).drop_columns(["outcome"])
+    parquet.write_table(table.replace_schema_metadata({"haptigraph.archive": "1"}), file)
+    with pytest.raises(
+        BadInput, match="of another version of haptigraph; bring it up to date with `haptigraph"
+    ):
+        rows(folder, "from runs")
+    updated = update_archive(folder)
+    assert (updated.is_made_again, updated.indexed, updated.unchanged) == (True, 5, 0)
+    assert rows(folder, "select count(*) from runs where outcome = 'hit'") == [(1,)]
+    assert len(list(file.parent.glob("steps-*.parquet"))) == 1
 
 
 def test_an_update_reads_only_what_has_changed_and_erases_what_is_gone(folder):

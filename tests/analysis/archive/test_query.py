@@ -9,7 +9,7 @@ import pytest
 from paths import ROOT
 
 from haptigraph.analysis.archive.dictionary import RUNS, STEPS
-from haptigraph.analysis.archive.finding import Condition, Filter, find
+from haptigraph.analysis.archive.finding import Condition, Filter, find, measures_of
 from haptigraph.analysis.archive.index import update_archive
 from haptigraph.analysis.archive.query import query_archive
 from haptigraph.errors import BadInput
@@ -52,7 +52,10 @@ def test_columns_say_unit_and_meaning_of_every_column(archive):
     for table in ("runs", "steps"):
         names = query_archive(archive, f"select * from {table} limit 0").columns
         assert sorted(names) == sorted(name for where, name, _ in listed if where == table)
-    assert ("steps", "theta_deg", "°") in listed
+    assert ("steps", "theta_deg", "°") in listed and ("steps", "theta_sd_deg", "°") in listed
+    sql = "select meaning from columns where name in ('distance_to_retina_sd_mm', 'needle_tip_sd_mm')"
+    assert all(meaning.startswith("standard deviation of") for (meaning,) in query_archive(archive, sql).rows)
+    assert not any("_sd_" in name for name in measures_of(archive))
     assert all(column.meaning for column in RUNS)
 
 

@@ -111,6 +111,7 @@ KEYS = {
     "clip": str,
     "perceiver": str,
     "images": int,
+    "needle_images": int,
     "detection_rate": float,
     "false_detections": int,
     "tip_error_px": dict,

@@ -158,6 +158,17 @@ def test_the_object_is_json_and_the_text_has_a_line_per_condition(swept):
         assert any(line.strip().startswith(name) for line in lines), name
 
 
+def test_scenes_without_a_needle_have_no_figures_of_one():
+    swept = sweep(2, ["threshold"], CONFIG, size_px=SMALL)  # of the second, too, no needle is in the eye
+    scores = swept.scores()["threshold"]
+    assert scores["plain"]["needle_images"] == 0 < scores["plain"]["images"]
+    held = [replace(each, noise_deg={"threshold": None}) for each in HELD]
+    (row,) = (line for line in sweep_text(swept, held).splitlines() if line.startswith("  plain"))
+    cells = row.split()
+    assert cells[:4] == ["plain", "24", "no", "needle"]
+    assert (cells[8], cells[10]) == ("n/a", "n/a")  # states, missed contacts
+
+
 def test_a_sweep_is_drawn(swept, tmp_path):
     sweep_figure(swept, HELD, tmp_path / "sweep.png")
     assert cv2.imread(str(tmp_path / "sweep.png")).shape[1] > 1200

@@ -12,7 +12,8 @@ from click.testing import CliRunner
 from helpers import draw_rod, mostly_slow
 from registration import errors_px, invalid_pictures, random_view
 
-from haptigraph.analysis.registering.registering import all_images, plausible_anatomy
+from haptigraph.analysis.registering.overrides import Overrides
+from haptigraph.analysis.registering.registering import all_images, plausible_anatomy, register_source
 from haptigraph.cli import main
 from haptigraph.errors import BadInput
 from haptigraph.registration.loading import load_registration, parse_registration
@@ -165,6 +166,44 @@ def test_nothing_is_overwritten_unless_forced(picture, tmp_path):
         assert [file.read_text() for file in folder.iterdir()] == ["precious"]
         assert call(picture, "-o", out, "--trocar", "left", "--force").exit_code == 0
         load_registration(out)
+
+
+def test_a_source_is_never_overwritten_and_the_sentence_says_what_to_type(picture, tmp_path):
+    source = tmp_path / "eye.png"
+    source.write_bytes(picture.read_bytes())
+    sentence = refuse(source, "-o", tmp_path / "eye.toml", "--trocar", "left", "--force")
+    other = tmp_path / "eye_registration.png"
+    assert sentence == (
+        f"haptigraph: {source}: is the source, and would be overwritten by the picture; add --picture {other}"
+    )
+    assert call(source, "-o", tmp_path / "eye.toml", "--trocar", "left", "--picture", other).exit_code == 0
+    assert source.read_bytes() == picture.read_bytes() and other.exists()
+    assert f"overwritten by -o; use -o {other}" in refuse(
+        source, "-o", source, "--picture", tmp_path / "b.png"
+    )
+
+
+def test_every_stage_reports_its_progress(picture, tmp_path):
+    progress = []
+    overrides = Overrides(trocar="left")
+    register_source(
+        str(picture), tmp_path / "eye.toml", overrides, progress=lambda *now: progress.append(now)
+    )
+    assert progress == [
+        ("reading", 0, 25),
+        ("reading", 1, 1),
+        *(("finding the eye", done, 3) for done in range(4)),
+    ]
+
+
+def test_a_picture_that_may_be_rotated_is_reported_as_not_verified(picture, tmp_path):
+    rotated = tmp_path / "rotated.png"
+    cv2.imwrite(str(rotated), cv2.rotate(cv2.imread(str(picture)), cv2.ROTATE_90_CLOCKWISE))
+    for source, angles in ((picture, "36 deg to the "), (rotated, "54 deg to the right")):
+        report = call(source, "-o", tmp_path / "eye.toml", "--trocar", "left", "--force").stdout
+        (line,) = (line for line in report.splitlines() if line.startswith("upright"))
+        assert "not verified, because no needle moves beside the eye; trocars found" in line
+        assert angles in line and "--set source.rotate_deg=90, 180 or 270" in line
 
 
 def test_no_file_is_written_that_cannot_be_read(picture, tmp_path):

@@ -1,11 +1,15 @@
+import hashlib
+import json
+
 import pandas as pd
 import pytest
-from study_tables import freeze, simulated_study, write_study
+from study_tables import PROTOCOL, freeze, simulated_study, write_study
 
 from haptigraph.analysis.study.results import AnalysisPlan, analyse
 from haptigraph.analysis.study.tables import read_tables
 from haptigraph.analysis.study.traces import read_traces
 from haptigraph.analysis.study.writing.methods import methods
+from haptigraph.study.frozen.parts import sha256_of_parts
 
 
 def methods_of(folder, **changes) -> str:
@@ -55,6 +59,40 @@ def test_participants_without_all_conditions_are_not_said_to_have_completed_them
     assert "4 simulated participants (no people took part), within-subject design; 3 of them" in methods_of(
         tmp_path, made=made
     )
+
+
+PARTS = {"study.toml": PROTOCOL, "procedure p": "text"}
+FROZEN = {
+    "parts": PARTS,
+    "frozen_utc": "2026-11-02T09:30:00+00:00",
+    "protocol_sha256": sha256_of_parts(PARTS),
+}
+RUN = hashlib.sha256(b"text").hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("frozen", "run", "expected"),
+    [
+        (None, RUN, "Whether the protocol was edited after the first participant is not known: no text"),
+        (FROZEN, RUN, "froze the protocol (2026-11-02 09:30 UTC, SHA-256 "),
+        (FROZEN, RUN, "Whether it was edited afterwards is not known"),
+        ({**FROZEN, "edited_parts": []}, RUN, "had not been edited when the data were exported. All 8 runs"),
+        ({**FROZEN, "edited_parts": ["procedure p"]}, RUN, "procedure p was changed. This report follows"),
+        (FROZEN, "0" * 64, "Of 8 runs with a known procedure, 8 have another text than a frozen one"),
+    ],
+)
+def test_the_protocol_was_frozen_or_edited_or_it_is_not_known(tmp_path, frozen, run, expected):
+    if frozen:
+        (tmp_path / "study.json").write_text(json.dumps(frozen))
+    assert expected in methods_of(tmp_path, procedure_sha256=run)
+
+
+@pytest.mark.parametrize(
+    "frozen", [{**FROZEN, "parts": {**PARTS, "study.toml": PROTOCOL + "# changed"}}, FROZEN]
+)
+def test_procedures_are_not_compared_with_texts_that_a_bundle_changed(tmp_path, frozen):
+    (tmp_path / "study.json").write_text(json.dumps(frozen))
+    assert ("runs with a known procedure" in methods_of(tmp_path, procedure_sha256=RUN)) == (frozen == FROZEN)
 
 
 def test_without_comparable_values_no_test_is_claimed(tmp_path):

@@ -6,6 +6,7 @@ import shutil
 
 import pytest
 from helpers import call, refuse
+from pyarrow import parquet
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +43,19 @@ def test_a_query_says_that_the_index_is_out_of_date(folder, tmp_path):
     shutil.copy(copy / "run.mcap", copy / "new.mcap")
     result = call("query", "--archive", copy, "select count(*) from runs")
     assert "1 recordings are new or changed since the index was made" in result.stderr
+
+
+def test_an_index_of_another_version_is_made_again_and_said_so(folder, tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("archive"))
+    call("archive", copy, "--workers", 1)
+    table = parquet.read_table(copy / "archive" / "runs.parquet").replace_schema_metadata(None)
+    parquet.write_table(table, copy / "archive" / "runs.parquet")
+    assert "of another version" in refuse("query", "--archive", copy, "select 1")
+    assert call("archive", copy, "--workers", 1).output.splitlines()[:2] == [
+        "the index was of another version of haptigraph, and is made again",
+        "2 recordings indexed, 0 unchanged, 0 removed",
+    ]
 
 
 def test_refusals_are_one_sentence(folder, tmp_path):

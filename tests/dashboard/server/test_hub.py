@@ -176,6 +176,24 @@ def test_haptic_edges_are_published_in_order_from_another_thread(hub):
     assert pumped(hub, act) == [[float(index), index % 2 * 0.5, 80.0] for index in range(200)]
 
 
+@pytest.mark.parametrize("is_blind", [False, True])
+def test_a_late_viewer_gets_the_level_in_force_unless_blinded(hub, is_blind):
+    async def act():
+        first, late = Viewer("page 1"), Viewer("page 2", is_blind=is_blind)
+        hub.join(first)
+        hub.record_level(5 * MS, 0.0, 0.0)
+        hub.record_level(9 * MS, 0.3, 80.0)
+        await next_text(first, "haptics")
+        hub.join(late)
+        hub.publish("passing")
+        received = []
+        while not received or received[-1]["type"] != "passing":
+            received.append(json.loads(await late.next()))
+        return [message["edges"] for message in received if message["type"] == "haptics"]
+
+    assert pumped(hub, act) == ([] if is_blind else [[[9.0, 0.3, 80.0]]])
+
+
 def test_a_step_without_image_is_sent(hub):
     async def act():
         viewer = Viewer("page 1")

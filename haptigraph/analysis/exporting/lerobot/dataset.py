@@ -38,6 +38,7 @@ from haptigraph.analysis.exporting.lerobot.survey import Survey, survey_of
 from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.recording.header import losses_sentence
 from haptigraph.recording.writer import Progress
+from haptigraph.sources.naming import SIMULATED
 from haptigraph.version import __version__
 
 if TYPE_CHECKING:
@@ -62,7 +63,6 @@ COUNTED = {
     "index": ("", "number of the step in the dataset"),
     "task_index": ("", "the operation: meta/tasks.parquet"),
 }
-SIMULATED = ("phantom", "teleop")
 
 
 class _Episode(NamedTuple):

@@ -64,6 +64,7 @@ def write_bundle(
         parts=parts,
         title=without_contacts(about.title)[0],
         frozen_utc=about.frozen_utc[: len("2026-11")],
+        edited_parts=(),
     )
     with new_folder(output) as folder:
         problems = _copy_recordings(shareable, study.protocol.folder, folder, names, people, progress)

@@ -1,5 +1,6 @@
 """Read the frozen protocol in an export's `study.json`, as far as an analysis needs it."""
 
+import hashlib
 from pathlib import Path
 
 import msgspec
@@ -7,7 +8,7 @@ from msgspec import Struct, field
 
 from haptigraph.errors import BadInput
 from haptigraph.study.frozen.analysis_plan import Analysis
-from haptigraph.study.frozen.parts import frozen_questionnaires
+from haptigraph.study.frozen.parts import frozen_questionnaires, sha256_of_parts
 from haptigraph.study.frozen.quality import Quality
 from haptigraph.study.questionnaire import Questionnaire
 
@@ -35,6 +36,14 @@ class FrozenProtocol(Struct, frozen=True):
     """What was decided before the data, if anything."""
     quality: Quality = Quality()
     """Thresholds of the data's quality."""
+    frozen_utc: str = ""
+    """When the first participant froze it; empty: not known."""
+    sha256: str = ""
+    """Of all its texts; empty: not known."""
+    edited_parts: tuple[str, ...] | None = None
+    """Parts that had been edited when the study was exported; None: not known."""
+    procedure_sha256s: frozenset[str] = frozenset()
+    """Of its procedures; empty: not known."""
 
     @property
     def names(self) -> list[str]:
@@ -50,6 +59,9 @@ class FrozenProtocol(Struct, frozen=True):
 class _Export(Struct, frozen=True):
     title: str = ""
     parts: dict[str, str] = {}
+    frozen_utc: str = ""
+    protocol_sha256: str = ""
+    edited_parts: tuple[str, ...] | None = None
 
 
 class _StudyFile(Struct, frozen=True):
@@ -76,4 +88,16 @@ def read_frozen(path: Path) -> FrozenProtocol:
     except (msgspec.MsgspecError, ValueError, OSError) as error:
         raise BadInput(f"cannot be read: {error}", path) from None
     questionnaires = {each.name: each for each in frozen_questionnaires(export.parts).values()}
-    return FrozenProtocol(export.title, study.conditions, questionnaires, study.analysis, study.quality)
+    procedures = [text for name, text in export.parts.items() if name.startswith("procedure ")]
+    is_original = sha256_of_parts(export.parts) == export.protocol_sha256  # a bundle may lack contacts
+    return FrozenProtocol(
+        export.title,
+        study.conditions,
+        questionnaires,
+        study.analysis,
+        study.quality,
+        export.frozen_utc,
+        export.protocol_sha256,
+        export.edited_parts,
+        frozenset(hashlib.sha256(text.encode()).hexdigest() for text in procedures if is_original),
+    )

@@ -12,6 +12,7 @@ from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.tables import StudyTables
 from haptigraph.analysis.study.traces import Traces
 from haptigraph.analysis.study.writing.estimates import effect_sizes, equivalence, runs_without_hit
+from haptigraph.analysis.study.writing.protocol import protocol_paragraph
 from haptigraph.study.questionnaire import Questionnaire
 from haptigraph.version import __version__
 
@@ -31,6 +32,7 @@ def methods(tables: StudyTables, results: StudyResults, traces: Traces, *, simul
     parts = [
         _design(results, simulated=simulated),
         preregistered(results),
+        protocol_paragraph(tables, results),
         _tests(results),
         effect_sizes(results),
         equivalence(results),
