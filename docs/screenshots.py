@@ -34,6 +34,7 @@ from haptigraph.study.store import Store  # noqa: E402
 IMAGES = ROOT / "docs" / "images"
 QUICK = "phantom:tests/data/quick.toml"
 ABSENT = "phantom:tests/data/absent.toml"
+SHOWN = "/data"  # instead of a temporary folder
 TIMEOUT_S = 240  # for busy machines
 PATIENT = ("--set", "haptics.deadman_ms=1000")  # so that no page calls a busy machine's connection slow
 FREEZING = (str(ROOT / "tests" / "dashboard" / "freezing.py"),)
@@ -101,6 +102,9 @@ def registration(page: Any, live: Live) -> None:
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x - 30, y - 3, steps=5)
+    for name in ("source-input", "path"):
+        path = page.input_value(f"#{name}").replace(gettempdir(), SHOWN)
+        page.evaluate("([name, path]) => { document.getElementById(name).value = path; }", [name, path])
     page.wait_for_timeout(500)
 
 
@@ -112,6 +116,9 @@ def recordings_list(page: Any, live: Live) -> None:
     page.goto(f"{own.url}recordings")
     page.wait_for_selector("#runs tr")
     page.wait_for_selector("#runs td:text-is('…')", state="detached", timeout=TIMEOUT_S * 1000)
+    page.evaluate(
+        "(name) => { document.querySelector('#folder').textContent = name; }", f"{SHOWN}/recordings"
+    )
 
 
 def recordings(page: Any, live: Live) -> None:

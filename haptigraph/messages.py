@@ -19,34 +19,11 @@ from haptigraph.graph import SceneGraph, Triplet
 from haptigraph.projection import DepthImage
 
 __all__ = [
-    "CERTAIN",
-    "OFF",
-    "STALE_IMAGE",
-    "TIP_NOT_VISIBLE",
-    "UNKNOWN",
-    "CameraStamp",
-    "Capabilities",
-    "Capture",
-    "Certainty",
-    "Conclusion",
-    "Delivered",
-    "DepthImage",
-    "Fault",
-    "Follow",
-    "ForceField",
-    "ForceSample",
-    "HandState",
-    "HapticCommand",
-    "Image",
-    "ImageKind",
-    "Observation",
-    "Pattern",
-    "RobotSample",
-    "Step",
-    "Timing",
-    "Truth",
-    "Volume",
-]
+    "CERTAIN", "OFF", "STALE_IMAGE", "TIP_NOT_VISIBLE", "UNKNOWN", "CameraStamp", "Capabilities",
+    "Capture", "Certainty", "Conclusion", "Delivered", "DepthImage", "Fault", "Follow", "ForceField",
+    "ForceSample", "HandState", "HapticCommand", "Image", "ImageKind", "Observation", "Pattern",
+    "RobotSample", "Step", "Timing", "Truth", "Volume",
+]  # fmt: skip
 
 Image: TypeAlias = NDArray[np.uint8]
 """An image: (h, w, 3) in OpenCV's BGR order, or (h, w) grey."""
@@ -71,11 +48,13 @@ FaultyPart: TypeAlias = Literal[
 ]
 
 
-class Fault(Struct, frozen=True):
-    """An error that the loop survived."""
+class Fault(Struct, frozen=True, omit_defaults=True):
+    """An error that the loop survived, or the end of one."""
 
     where: FaultyPart
     message: str
+    is_over: bool = False
+    """Whether an error of this part has ended; the message says how."""
 
     def __str__(self) -> str:
         return f"{self.where}: {self.message}"
@@ -325,5 +304,5 @@ class Step(Struct, ShownAsHtml, frozen=True):
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Faults in or before this step."""
-        return self.observation.faults
+        """Faults in or before this step, without the ends of earlier ones."""
+        return tuple([fault for fault in self.observation.faults if not fault.is_over])

@@ -319,4 +319,4 @@ class Loop:
 
     def _count(self, faults: Sequence[Fault]) -> None:
         if faults:  # an empty update takes as long as a stage
-            self.report.faults.update(map(str, faults))
+            self.report.faults.update(str(fault) for fault in faults if not fault.is_over)

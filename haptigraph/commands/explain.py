@@ -32,7 +32,8 @@ def explain(recording: str, at_s: float | None, as_json: bool) -> None:
 
     For every other state it shows the shortest motion of the needle that leads there: a turn about the
     trocar, then a motion along the shaft, with the states on the way. The runner-up is the nearest. Without
-    a needle, or for forceps and B-scans, it shows the smallest change of measures instead.
+    a needle, or for forceps and B-scans, it shows the smallest change of measures instead. It names what had
+    failed at that moment, such as the haptic device, and since when.
     """
     import msgspec
 

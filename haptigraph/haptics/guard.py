@@ -25,7 +25,7 @@ class Guard:
 
     The actuator is silent before the first command, when no command arrives for `deadman_ms`, when the state
     is unknown, during the rest after `max_on_ms` of vibration, and after `close`. A device that fails is
-    reported once and retried; the guard does not raise its errors.
+    reported once and retried, and reported again when it responds; the guard does not raise its errors.
 
     Patterns are fitted to the capabilities of the device, and a profile turns their amplitude into the drive
     that is felt as such; the limits apply to the drive. Changes wait until the device accepts them; silence
@@ -190,6 +190,8 @@ class Guard:
             self._output, self._failed_while_on = None, amplitude > 0
             self._retry_at_ns = now_ns + (RETRY_NS if amplitude else SILENCE_RETRY_NS)
         else:
+            if self._retry_at_ns is not None:
+                self._faults.append(Fault("device", "responds again", is_over=True))
             self._output, self._retry_at_ns = (amplitude, frequency_hz), None
 
     def _report(self, message: str) -> None:

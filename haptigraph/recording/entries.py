@@ -7,7 +7,7 @@ from msgspec import UNSET, Struct
 from haptigraph.messages import Capture, Step
 from haptigraph.projection import ImageGeometry
 from haptigraph.recording.codec import encode_depth, encode_png, format_of
-from haptigraph.recording.foxglove import WARNING, CompressedImage, Log, Time, annotations, robot_poses
+from haptigraph.recording.foxglove import INFO, WARNING, CompressedImage, Log, Time, annotations, robot_poses
 from haptigraph.recording.schema import CaptureRecord, DepthPlace, Kept, VideoImage
 
 __all__ = ["entries"]
@@ -66,8 +66,8 @@ def entries(
     yield "/command", step.command
     if capture.robot:
         yield "/robot/poses", robot_poses(capture.robot, utc_offset_ns)
-    for fault in step.faults:
-        yield "/log", Log(time, WARNING, fault.message, fault.where)
+    for fault in step.observation.faults:
+        yield "/log", Log(time, INFO if fault.is_over else WARNING, fault.message, fault.where)
     if step.timing is not None:  # last, so that its presence marks a complete step
         yield "/timing", step.timing
 

@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 LINE_STRIP = 3
-WARNING = 3
+INFO, WARNING = 2, 3
 ROBOT_FRAME = "robot_base"
 MM_PER_M = 1000.0
 

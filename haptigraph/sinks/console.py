@@ -1,4 +1,4 @@
-"""Print a line to the terminal whenever the state changes or a fault occurs.
+"""Print a line to the terminal whenever the state changes, and when a fault occurs or ends.
 
 A thread does the writing: a stopped terminal (Ctrl-S) or an unread pipe must not stop the loop.
 """
@@ -18,7 +18,7 @@ FLUSH_TIMEOUT_S = 1.0  # to write the queue at the end of the run
 
 
 class ConsoleSink:
-    """Print state changes and new faults; of stale images that are frequent, only how many.
+    """Print state changes, new faults and their ends; of stale images that are frequent, only how many.
 
     Args:
         stream: Output; standard error if None.
@@ -51,10 +51,10 @@ class ConsoleSink:
         for line in self._stale.add(step):
             self._print(f"{time_s:7.2f} s  ! {line}")
         hides = self._stale.is_hidden
-        faults = tuple(fault for fault in step.faults if not (hides and is_stale(fault)))
+        faults = tuple(fault for fault in step.observation.faults if not (hides and is_stale(fault)))
         for fault in faults:
-            if fault not in self._faults:
-                self._print(f"{time_s:7.2f} s  ! {fault}")
+            if fault.is_over or fault not in self._faults:
+                self._print(f"{time_s:7.2f} s  {'' if fault.is_over else '! '}{fault}")
         self._faults = faults
         if step.conclusion.state != self._state and not hides:
             self._state = step.conclusion.state

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from haptigraph.config import HapticsConfig
 from haptigraph.errors import DeviceError
 from haptigraph.haptics.guard import Guard
-from haptigraph.messages import OFF, UNKNOWN, Capabilities, Pattern
+from haptigraph.messages import OFF, UNKNOWN, Capabilities, Fault, Pattern
 
 
 class Spy:
@@ -164,7 +164,7 @@ def test_a_failing_device_is_reported_once_and_retried(spy, error):
     for ms in range(3000, 4200, 33):
         send(guard, LOW, ms, since_ms=0)
     assert spy.amplitude == 0.3
-    assert guard.take_faults() == ()
+    assert guard.take_faults() == (Fault("device", "responds again", is_over=True),)
 
 
 def test_a_device_that_recovers_while_silent_is_silenced(spy):

@@ -24,6 +24,22 @@ def test_changes_and_new_faults_are_printed_once():
     assert sink.take_faults() == ()
 
 
+def test_the_end_of_a_fault_is_printed():
+    stream = io.StringIO()
+    sink = ConsoleSink(stream)
+    lost, back = Fault("device", "unplugged"), Fault("device", "responds again", is_over=True)
+    for ms, faults in ((0, (lost,)), (33, ()), (66, (back, lost)), (99, (back,))):
+        sink.write(Capture(0, ms * MS, None), make_step(stamp_ns=ms * MS, faults=faults))
+    sink.close()
+    assert stream.getvalue().splitlines() == [
+        "   0.00 s  ! device: unplugged",
+        "   0.00 s  some_state                         because",
+        "   0.07 s  device: responds again",
+        "   0.07 s  ! device: unplugged",
+        "   0.10 s  device: responds again",
+    ]
+
+
 def test_the_forces_of_a_state_are_named():
     stream, step = io.StringIO(), make_step(state="a")
     sink = ConsoleSink(stream)

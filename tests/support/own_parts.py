@@ -1,8 +1,8 @@
-"""A perceiver, two sources and a device as a user may write them, for tests that name them "own_parts:Class"."""
+"""A perceiver, two sources and devices as a user may write them, for tests that name them "own_parts:Class"."""
 
 import numpy as np
 
-from haptigraph.errors import EndOfSource
+from haptigraph.errors import DeviceError, EndOfSource
 from haptigraph.messages import Capabilities, Capture
 from haptigraph.perception.baseline.threshold import ThresholdPerceiver
 from haptigraph.projection import ImageGeometry
@@ -71,6 +71,22 @@ class Device:
 
     def close(self):
         self._file.write("closed\n")
+
+
+class FlakyDevice:
+    """Is unplugged between the two times that its argument names: "3.0-4.0" [s on the run's clock]."""
+
+    capabilities = Capabilities(100, None, 0.0)
+
+    def __init__(self, argument):
+        self._from_ns, self._to_ns = (round(1e9 * float(time_s)) for time_s in argument.split("-"))
+
+    def set(self, amplitude, frequency_hz, stamp_ns):
+        if self._from_ns <= stamp_ns < self._to_ns:
+            raise DeviceError("unplugged")
+
+    def close(self):
+        pass
 
 
 class DeviceWithoutMembers:

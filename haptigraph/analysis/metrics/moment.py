@@ -3,6 +3,8 @@
 Applies the procedure stored in the recording.
 """
 
+from array import array
+from collections.abc import Sequence
 from pathlib import Path
 
 from msgspec import Struct
@@ -10,6 +12,7 @@ from msgspec.structs import replace
 
 from haptigraph.analysis.metrics.changes import change_text, possible_changes
 from haptigraph.analysis.metrics.replay import recorded_registration
+from haptigraph.analysis.metrics.timeline import FaultSpan, FaultSpans
 from haptigraph.analysis.plots.explanation import force_text, pattern_text
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
@@ -61,6 +64,7 @@ class Explanation(Struct, frozen=True):
     others: tuple[Change, ...]
     """Changes to the remaining states, smallest first."""
     faults: tuple[str, ...] = ()
+    """What had failed at this moment, and since when."""
     held: Held | None = None
     """What was concluded instead, where a state outlasted its graph (`hold_ms`)."""
     assumed: tuple[str, ...] = ()
@@ -84,19 +88,22 @@ def explain_moment(path: str | Path, at_s: float) -> Explanation:
     reader = RunReader(path)
     procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
     first_ns = last_ns = None
-    found = None
+    found, times_s, spans = None, array("d"), FaultSpans()
     for _, step in reader.places():
         first_ns = step.stamp_ns if first_ns is None else first_ns
         last_ns = step.stamp_ns
-        if found is not None and 0 <= at_s < (step.stamp_ns - first_ns) / 1e9 - 1e-9:
+        step_s = (step.stamp_ns - first_ns) / 1e9
+        if found is not None and 0 <= at_s < step_s - 1e-9:
             break
         found = step
+        spans.add(len(times_s), step)
+        times_s.append(step_s)
     if found is None or first_ns is None or last_ns is None:
         raise BadInput("has no complete step to explain", path)
-    time_s = (found.stamp_ns - first_ns) / 1e9
+    time_s = times_s[-1]
     if at_s < 0 or at_s > (last_ns - first_ns) / 1e9 + 1:
         raise BadInput(f"has no step at {at_s:g} s; valid: 0 to {time_s:.2f} s", path)
-    faults = tuple(map(str, found.faults))
+    faults = tuple(_fault_text(span, times_s) for span in spans.open)
     explanation = explain_graph(procedure, found.graph, time_s, faults, found.observation)
     recorded, pattern = found.conclusion, found.command.pattern
     is_held = recorded.state != explanation.state
@@ -172,6 +179,12 @@ def explanation_text(explanation: Explanation) -> str:
     if moment.motion:
         lines += _section("motion", [f"not considered: {moment.motion}"])
     return "\n".join(lines)
+
+
+def _fault_text(span: FaultSpan, times_s: Sequence[float]) -> str:
+    """Describe a fault, and since when it lasts if it began before the last step."""
+    since = f", since {times_s[span.first]:.2f} s" if span.first < span.last else ""
+    return f"{span.where}: {span.message}{since}"
 
 
 def _reasons(procedure: Procedure, state: State, graph: SceneGraph) -> list[Reason]:

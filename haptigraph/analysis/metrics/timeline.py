@@ -12,7 +12,10 @@ from msgspec import Struct
 from haptigraph.haptics.pattern import amplitude_at, next_change_ns
 from haptigraph.messages import HapticCommand, Step
 
-__all__ = ["FaultSpan", "Timeline"]
+__all__ = ["FaultSpan", "FaultSpans", "Timeline"]
+
+LASTING = ("device",)
+"""Parts whose fault is reported once, and then that it is over."""
 
 
 class FaultSpan(Struct):
@@ -22,6 +25,43 @@ class FaultSpan(Struct):
     last: int
     where: str
     message: str
+    ended: str = ""
+    """How it ended, as far as the next step reports it: "responds again"."""
+
+
+class FaultSpans:
+    """The faults of a run, and how long each lasted.
+
+    Consecutive steps with the same fault form one span. A fault of a haptic device is reported once; it lasts
+    until the device responds again, or else to the end.
+    """
+
+    def __init__(self) -> None:
+        self.all: list[FaultSpan] = []
+        self.open: list[FaultSpan] = []
+        """Those of the newest step."""
+
+    def add(self, number: int, step: Step) -> None:
+        """Take the next step."""
+        reported = step.observation.faults
+        if not reported and not self.open:
+            return
+        current = {(fault.where, fault.message) for fault in step.faults}
+        lasting = [
+            span for span in self.open if span.where in LASTING or (span.where, span.message) in current
+        ]
+        for fault in reported:
+            same = [span for span in lasting if span.where == fault.where]
+            if fault.is_over:
+                for span in same:
+                    span.ended = fault.message
+                lasting = [span for span in lasting if span not in same]
+            elif fault.message not in [span.message for span in same]:
+                lasting.append(FaultSpan(number, number, fault.where, fault.message))
+                self.all.append(lasting[-1])
+        self.open = lasting
+        for span in lasting:
+            span.last = number
 
 
 class Timeline:
@@ -46,14 +86,18 @@ class Timeline:
         self.edge_ms = array("d")
         """When the commanded amplitude changes; the guard may have limited it."""
         self.edge_amplitude = array("f")
-        self.faults: list[FaultSpan] = []
+        self._faults = FaultSpans()
         self.start_ns = 0
         self._last_ns = 0
         self._command: HapticCommand | None = None
-        self._open: dict[tuple[str, str], FaultSpan] = {}
 
     def __len__(self) -> int:
         return len(self.time_ms)
+
+    @property
+    def faults(self) -> list[FaultSpan]:
+        """Faults, in the order in which they began."""
+        return self._faults.all
 
     def add(self, step: Step) -> None:
         """Append the next step."""
@@ -68,8 +112,7 @@ class Timeline:
         self.plays.append(_index(self.patterns, step.command.pattern.name))
         for name, column in self.measures.items():
             column.append(step.graph.measures.get(name, nan))
-        if step.faults or self._open:
-            self._record_faults(number, step)
+        self._faults.add(number, step)
 
     def _play_until(self, end_ns: int) -> None:
         """Record the amplitudes of the previous command until the next one."""
@@ -88,17 +131,6 @@ class Timeline:
         if abs(amplitude - before) > 1e-6:
             self.edge_ms.append((stamp_ns - self.start_ns) / 1e6)
             self.edge_amplitude.append(amplitude)
-
-    def _record_faults(self, number: int, step: Step) -> None:
-        """Record faults; consecutive steps with the same fault form one span."""
-        current = {(fault.where, fault.message) for fault in step.faults}
-        self._open = {key: span for key, span in self._open.items() if key in current}
-        for where, message in sorted(current):
-            span = self._open.get((where, message))
-            if span is None:
-                span = self._open[where, message] = FaultSpan(number, number, where, message)
-                self.faults.append(span)
-            span.last = number
 
 
 def _index(names: list[str], name: str) -> int:

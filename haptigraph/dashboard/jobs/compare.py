@@ -3,7 +3,7 @@
 from haptigraph.analysis.metrics.replay import replay
 from haptigraph.assemble import load_procedure
 from haptigraph.dashboard.jobs.read import empty_timeline, recorded_settings
-from haptigraph.dashboard.server.describe import describe_states
+from haptigraph.dashboard.server.describe import describe_relations, describe_states
 from haptigraph.dashboard.server.stream import (
     encode_timeline,
     measures_json,
@@ -29,6 +29,7 @@ def compare(name: str, procedure_name: str) -> None:
     content, data = encode_timeline(timeline)
     more = {
         "state_descriptions": describe_states(procedure),
+        "relations": describe_relations(procedure),
         "procedure": procedure_name or procedure.name,
         "measures": measures_json(report.replayed, timeline.start_ns),
         "steps": report.steps,

@@ -25,7 +25,7 @@ from haptigraph.registration.retarget import with_target
 from haptigraph.run_robot import SteeredRobot
 from haptigraph.run_settings import suited
 
-__all__ = ["announcement", "describe_run", "describe_states"]
+__all__ = ["announcement", "describe_relations", "describe_run", "describe_states"]
 
 VIEW_PX = 560
 NOT_SEEN = {UNKNOWN: "lost", TIP_NOT_VISIBLE: "tipless"}
@@ -75,10 +75,7 @@ def describe_run(
             "title": procedure.title,
             "sha256": procedure.sha256,
             "entities": to_builtins(procedure.schema.entities),
-            "relations": [
-                {**to_builtins(relation), "measure_name": procedure.schema.measure_name(relation)}
-                for relation in procedure.schema.relations
-            ],
+            "relations": describe_relations(procedure),
             "states": describe_states(procedure),
             "patterns": to_builtins(procedure.patterns),
         },
@@ -98,6 +95,14 @@ def describe_run(
         "assumed": registration.assumed,
         "silenced": needs_consent(registration.assumed) and not config.haptics.accept_assumed,
     }
+
+
+def describe_relations(procedure: Procedure) -> list[dict[str, Any]]:
+    """Return the relations of a procedure, with the measures that decide them."""
+    return [
+        {**to_builtins(relation), "measure_name": procedure.schema.measure_name(relation)}
+        for relation in procedure.schema.relations
+    ]
 
 
 def describe_states(procedure: Procedure) -> list[dict[str, Any]]:

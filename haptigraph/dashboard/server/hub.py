@@ -40,7 +40,7 @@ class Hub:
         self.latencies_ns: deque[int] = deque(maxlen=MAX_LATENCIES)
         """From capture to command, of the last steps."""
         self.last_faults: dict[str, tuple[float, str]] = {}
-        """Time [ms] and message of the newest fault, by where it occurred."""
+        """Time [ms] and message of the newest fault that is not reported as over, by where it occurred."""
         self.newest_capture: Capture | None = None
         """For pages that need the source's images."""
         self.deliveries = DeliveryLog()
@@ -64,8 +64,10 @@ class Hub:
         """Leave the newest step."""
         if step.timing is not None:
             self.latencies_ns.append(step.timing.commanded_ns - step.stamp_ns)
-        for fault in step.faults:
-            self.last_faults[fault.where] = self.to_ms(step.stamp_ns), fault.message
+        for fault in step.observation.faults:
+            self.last_faults.pop(fault.where, None)
+            if not fault.is_over:
+                self.last_faults[fault.where] = self.to_ms(step.stamp_ns), fault.message
         self.newest_capture = capture
         self._newest = capture, step
         self._wake()
@@ -114,7 +116,7 @@ class Hub:
         self._retained.pop("ended", None)
         self._retained = {**self._retained, "hello": text_message("hello", **hello)}
         self._blind_hello = text_message("hello", **blind_hello(hello))
-        self._view, self._moving, self._newest = view, moving, None
+        self._view, self._moving, self._newest, self.last_faults = view, moving, None, {}
         for viewer in self.viewers:
             viewer.put_text(self._blind_hello if viewer.is_blind else self._retained["hello"])
 

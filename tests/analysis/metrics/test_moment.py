@@ -6,12 +6,13 @@ import pytest
 from helpers import mostly_slow
 from paths import GOLDEN
 
-from haptigraph import assemble
+from haptigraph import assemble, run_device
 from haptigraph.analysis.metrics.moment import explain_graph, explain_moment, explanation_text
 from haptigraph.analysis.metrics.replay import replay
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.graph import SceneGraph
+from haptigraph.messages import Fault
 from haptigraph.recording.reader import RunReader
 
 RUNS = sorted(path.stem for path in GOLDEN.glob("*.mcap"))
@@ -67,13 +68,14 @@ def test_a_moment_outside_the_run_is_refused():
         explain_moment(GOLDEN / "wrong_place_then_hit.mcap", 99)
 
 
-def recorded(uri: str, procedure: str, path: Path) -> list:
+def recorded(uri: str, procedure: str, path: Path, *more: str) -> list:
     """Record a run under a procedure, and return its steps."""
     settings = (
         f"source.uri={uri}",
         "run.realtime=false",
         f"recording.path={path}",
         f"run.procedure={procedure}",
+        *more,
     )
     assemble.build(load_config(None, settings)).run()
     return [step for _, step in RunReader(path).places()]
@@ -115,6 +117,26 @@ def test_values_that_follow_a_measure_are_those_of_the_moment(quick_uri, tmp_pat
     explanation = explain_moment(tmp_path / "run.mcap", (step.stamp_ns - steps[0].stamp_ns) / 1e9)
     assert explanation.held is None
     assert explanation.touch.startswith(f"'lean': amplitude {step.command.pattern.amplitude:g} at 80 Hz")
+
+
+def test_a_device_that_had_failed_is_reported_until_it_responds_again(quick_uri, tmp_path, monkeypatch):
+    monkeypatch.setitem(run_device.DEVICES, "flaky", "own_parts:FlakyDevice")
+    steps = recorded(quick_uri, "subretinal_injection", tmp_path / "run.mcap", "haptics.device=flaky:3.0-4.0")
+    start_ns = steps[0].stamp_ns
+    (failed_s, lost), (back_s, back) = [
+        ((step.stamp_ns - start_ns) / 1e9, fault) for step in steps for fault in step.observation.faults
+    ]
+    assert (lost, back) == (Fault("device", "unplugged"), Fault("device", "responds again", is_over=True))
+    assert 3 <= failed_s < 4 <= back_s
+
+    def faults_at(at_s: float) -> list[str]:
+        lines = explanation_text(explain_moment(tmp_path / "run.mcap", at_s)).splitlines()
+        return [line for line in lines if line.startswith("  fault ")]
+
+    assert faults_at(failed_s - 0.04) == faults_at(back_s) == []
+    assert faults_at(failed_s) == ["  fault      device: unplugged"]
+    for at_s in (failed_s + 0.1, back_s - 0.01):
+        assert faults_at(at_s) == [f"  fault      device: unplugged, since {failed_s:.2f} s"]
 
 
 def test_a_margin_is_explained_with_the_recorded_standard_deviation(quick_uri, tmp_path):

@@ -46,13 +46,38 @@ def test_states_measures_and_patterns_are_columns():
     assert all(math.isnan(value) for value in timeline.measures["theta_deg"])
 
 
-def test_a_fault_that_persists_is_one_span():
+def spans(*faults: tuple[Fault, ...]) -> list[tuple[int, int, str, str]]:
+    """Return the spans of the faults of consecutive steps."""
     timeline = Timeline((), ())
-    stale, lost = Fault("source", "stale image"), Fault("device", "gone")
-    for number, faults in enumerate(((), (stale,), (stale, lost), (), (stale,))):
-        timeline.add(make_step(stamp_ns=number * MS, faults=faults))
-    assert [(span.first, span.last, span.message) for span in timeline.faults] == [
-        (1, 2, "stale image"),
-        (2, 2, "gone"),
-        (4, 4, "stale image"),
+    for number, each in enumerate(faults):
+        timeline.add(make_step(stamp_ns=number * MS, faults=each))
+    return [(span.first, span.last, span.message, span.ended) for span in timeline.faults]
+
+
+STALE, SLOW = Fault("source", "stale image"), Fault("recorder", "too slow")
+GONE, BACK = Fault("device", "gone"), Fault("device", "responds again", is_over=True)
+
+
+def test_a_fault_that_persists_is_one_span():
+    assert spans((), (STALE,), (STALE, SLOW), (), (STALE,)) == [
+        (1, 2, "stale image", ""),
+        (2, 2, "too slow", ""),
+        (4, 4, "stale image", ""),
+    ]
+
+
+def test_a_fault_of_the_device_lasts_until_it_responds_again():
+    assert spans((), (GONE,), (), (STALE,), (BACK,), (), (GONE,), ()) == [
+        (1, 3, "gone", "responds again"),
+        (3, 3, "stale image", ""),
+        (6, 7, "gone", ""),
+    ]
+
+
+def test_a_device_may_fail_and_respond_within_one_step():
+    assert spans((GONE, BACK), (), (GONE,), (BACK, GONE), (BACK, GONE, BACK)) == [
+        (0, 0, "gone", "responds again"),
+        (2, 2, "gone", "responds again"),
+        (3, 3, "gone", "responds again"),
+        (4, 4, "gone", "responds again"),
     ]

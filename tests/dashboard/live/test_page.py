@@ -1,6 +1,7 @@
 """The live page in a real browser, with the real server."""
 
 import re
+import signal
 
 import pytest
 from helpers import call
@@ -220,6 +221,20 @@ def test_the_hint_of_the_first_visit_goes_away_for_good(live, open_page):
     page.reload()
     until(page, "document.body.dataset.index > 0")
     assert hint.count() == 0
+
+
+def test_a_failed_device_is_shown_and_reported_until_it_responds_again(quick_uri, open_page):
+    with Live(
+        quick_uri, "--device", "failing", program=(str(ROOT / "tests/dashboard/failing_device.py"),)
+    ) as live:
+        page = open_page(live.url)
+        live.process.send_signal(signal.SIGUSR1)
+        page.wait_for_selector("#health li.bad:has-text('device failing: unplugged')")
+        live.process.send_signal(signal.SIGUSR2)
+        page.wait_for_selector("#health li:not(.bad):text-is('device failing')")
+        close_page(page)
+        output = live.stop()
+    assert output.count("! device: unplugged\n") == output.count(" s  device: responds again\n") == 1
 
 
 @pytest.mark.slow  # `make test` goes on and restarts the server

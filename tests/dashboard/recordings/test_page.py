@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from live_bench import Live, close_page, evaluate, until
 
+from haptigraph import assemble
 from haptigraph.analysis.archive.index import update_archive
 from haptigraph.analysis.metrics.replay import replay
 from haptigraph.analysis.metrics.run import measure_run
 from haptigraph.analysis.plots.figures import run_figure
+from haptigraph.config import load_config
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.recording.reader import RunReader
 from haptigraph.registration.loading import parse_registration
@@ -173,6 +175,8 @@ def test_a_comparison_shows_differences_under_another_procedure(archive, open_pa
     assert f"the state differs in {len(differing)} of {report.steps} steps" in page.inner_text("#verdict")
     spans = evaluate(page, "page.timeline.differences.filter((each) => each[2])", MODULE)
     assert [number for first, end, _ in spans for number in range(first, end)] == differing
+    bounds = "page.timeline.boxes.map(({ strip, compared }) => [strip.measure, strip.band, compared?.band])"
+    assert ["theta_deg", 1.7, 4] in evaluate(page, bounds, MODULE)
     page.click("#events button >> nth=0")
     wait_for_step(page, differing[0])
     label = replayed[differing[0]].conclusion.state.replace("_", " ")
@@ -181,6 +185,28 @@ def test_a_comparison_shows_differences_under_another_procedure(archive, open_pa
     page.select_option("#other", "")
     page.click("#compare")
     page.wait_for_selector("#verdict:has-text('117 of 117 are identical')", timeout=60_000)
+    assert all(compared is None for *_, compared in evaluate(page, bounds, MODULE))
+
+
+def test_a_failed_device_is_shown_until_it_responds_again(quick_uri, open_page, tmp_path, monkeypatch):
+    monkeypatch.setitem(assemble.DEVICES, "flaky", "own_parts:FlakyDevice")
+    record = f'recording.path="{tmp_path}/run.mcap"'
+    settings = (f"source.uri={quick_uri}", "run.realtime=false", "haptics.device=flaky:3.0-4.0", record)
+    assemble.build(load_config(None, settings)).run()
+    with Live(quick_uri, "--recordings", tmp_path) as live:
+        page = open_run(open_page, live, "run.mcap")
+        (fault,) = evaluate(page, "page.run.content.faults", MODULE)
+        assert (fault["message"], fault["ended"]) == ("unplugged", "responds again")
+        page.select_option("#which", "fault")
+        assert [text.split("\n")[-1] for text in page.locator("#events li").all_inner_texts()] == [
+            "device: unplugged",
+            "device: responds again",
+        ]
+        for number, shown in ((fault["last"], "device: unplugged, since"), (fault["last"] + 1, "")):
+            evaluate(page, f"page.player.seek({number})", MODULE)
+            wait_for_step(page, number)
+            assert page.inner_text("#fault").startswith(shown) and page.is_visible("#fault") == bool(shown)
+        close_page(page)
 
 
 @pytest.mark.slow

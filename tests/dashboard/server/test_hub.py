@@ -18,7 +18,7 @@ from haptigraph.dashboard.server.health import Health
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.viewer import MAX_IN_FLIGHT, Viewer
 from haptigraph.inference.claims import Temporal
-from haptigraph.messages import OFF, Capture
+from haptigraph.messages import OFF, Capture, Fault
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.run_report import RunReport
 from haptigraph.sources.phased import PhasedSource
@@ -36,6 +36,19 @@ def hub(registration):
     hub = Hub(VirtualClock())
     hub.announce({}, IoctView(registration, 64), frozenset())
     return hub
+
+
+def test_a_fault_is_reported_until_it_is_over_or_another_run_begins(hub, registration):
+    def last_faults(*faults):
+        hub.write(capture(), make_step(stamp_ns=5 * MS, faults=faults))
+        return hub.last_faults
+
+    lost, back = Fault("device", "gone"), Fault("device", "responds again", is_over=True)
+    assert last_faults(lost, Fault("guard", "paused")) == {"device": (5.0, "gone"), "guard": (5.0, "paused")}
+    assert last_faults() == last_faults(back, lost)
+    assert last_faults(lost, back) == {"guard": (5.0, "paused")}
+    hub.announce({}, IoctView(registration, 64), frozenset())
+    assert hub.last_faults == {}
 
 
 def pumped(hub, act):

@@ -59,6 +59,7 @@ def test_a_participant_completes_the_study_and_crashes_lose_nothing(folder, sour
         port = station.port
         lab, person = experimenter_at(station, open_page), participant_at(station, open_page)
         assert person.is_visible("#wait")
+        lab.wait_for_selector("#idle:has-text('During a trial you see here the eye')")
         lab.click("#enrol button")
         wait_for_stage(person, "briefing")
         assert person.locator("#text-body p").all_inner_texts() == ["Steer the needle.", "Hit the target."]
@@ -246,14 +247,15 @@ def test_blinded_pages_show_no_condition_and_mark_the_port_until_the_needle_is_i
         wait_for_stage(person, "trial/1/1/1")
         wait_for_stage(lab, "trial/1/1/1")
         assert lab.inner_text("#stage") == "Trial · condition 1"
+        assert lab.inner_text("#idle").endswith("During a trial you see here the eye with the instrument.")
         for page in (lab, person):
             assert "Detection" not in page.inner_text("body")
         for selector in ("#state", "#feels", "#amplitude", "#traces", "#overlays", "#procedure"):
             assert lab.is_hidden(selector)
-        assert lab.is_visible("#view")
         begin(person)
         person.wait_for_selector("#trial-status:has-text('Trial: enter through the marked port')")
         until(lab, "page.header?.has_picture")
+        lab.wait_for_selector("#view")
         assert evaluate(lab, "[page.hello.procedure.relations, page.header.found, page.header.state]") == [
             [],
             {},

@@ -48,7 +48,7 @@ export class StatePanel {
       const [time_ms, message] = health.faults[where] ?? [-Infinity, ""];
       return health.now_ms - time_ms < RECENT_MS ? message : "";
     };
-    const deviceFault = fault("device"), recorded = `recording${health.dropped ? `, ${health.dropped} lost` : ""}`;
+    const deviceFault = health.faults.device?.[1] ?? "", recorded = `recording${health.dropped ? `, ${health.dropped} lost` : ""}`;
     const late = health.overruns + health.skipped;
     $("health").replaceChildren(
       chip(health.rate_hz < 0.8 * health.nominal_hz, health.rate_hz.toFixed(1), "images/s", `Nominal rate: ${health.nominal_hz}`),

@@ -11,17 +11,22 @@ export function stripsOf(relations) {
   return (wanted.length ? wanted : measures.slice(0, 2)).map((measure) => stripOf(measure, relations));
 }
 
-/** @param {string} measure @param {Relation[]} relations @returns {Strip} */
-function stripOf(measure, relations) {
+/** Return the bounds that relations set on a measure. @param {string} measure @param {Relation[]} relations @returns {Bounds} */
+export function boundsOf(measure, relations) {
   const own = relations.filter((relation) => relation.measure_name === measure);
   const bounds = [...new Set(own.flatMap((r) => [r.at_most, r.below, r.at_least, r.above]).filter((bound) => bound !== null))];
+  return { bounds, band: measure.endsWith("_deg") && own.length ? Math.min(...own.map((r) => r.at_most ?? Infinity)) : 0 };
+}
+
+/** @param {string} measure @param {Relation[]} relations @returns {Strip} */
+function stripOf(measure, relations) {
+  const { bounds, band } = boundsOf(measure, relations);
   const unit = measure.split("_").at(-1) ?? "", largest = Math.max(...bounds, 1e-6);
   const isAngle = unit === "deg", isDepth = unit === "um";
   return {
-    measure, bounds, unit: isAngle ? "°" : isDepth ? "µm" : unit, digits: isDepth ? 0 : isAngle ? 1 : 2,
+    measure, bounds, band, unit: isAngle ? "°" : isDepth ? "µm" : unit, digits: isDepth ? 0 : isAngle ? 1 : 2,
     label: measure.replace(/_(mm|um|deg)$/, "").replace("distance_to_", "to ").replaceAll("_", " "),
     min: isAngle ? 0 : isDepth ? -0.5 * largest : -1, max: largest * (isAngle || (isDepth && bounds.length === 1) ? 5 : 2),
-    band: isAngle ? Math.min(...own.map((r) => r.at_most ?? Infinity)) : 0,
   };
 }
 

@@ -69,7 +69,7 @@ export class Moment {
     const { header, run, other } = this;
     if (!header) return;
     $("no-picture").hidden = header.has_picture;
-    showOrHide($("fault"), header.faults.join("; "));
+    showOrHide($("fault"), run.faultsAt(header.number).join("; "));
     $("instead").hidden = !other;
     if (!other) return;
     const { number } = header, state = other.stateAt(number), pattern = other.patternAt(number);

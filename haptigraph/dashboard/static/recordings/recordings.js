@@ -73,7 +73,7 @@ function begin(/** @type {string} */ name, /** @type {RecordedRun} */ run) {
   player.begin(run);
   compare(run, null);
   const options = list.procedures.map((value) => make("option", { value, textContent: value }));
-  $("other").replaceChildren(make("option", { value: "", textContent: `${run.content.hello.procedure.name}, as recorded` }), ...options);
+  $("other").replaceChildren(make("option", { value: "", textContent: "the recorded procedure" }), ...options);
   player.seek(0);
 }
 

@@ -21,6 +21,12 @@ export class Run {
   labelOf(name, other) { return [...this.states, ...(other?.states ?? [])].find((each) => each.name === name)?.label ?? name; }
   patternAt(/** @type {number} */ number) { return this.content.patterns[this.columns.plays[number]]; }
 
+  /** Return what had failed at a step. @param {number} number */
+  faultsAt(number) {
+    const seconds = (/** @type {number} */ first) => (first < number ? `, since ${(this.time_ms[first] / 1000).toFixed(2)} s` : "");
+    return this.content.faults.filter(({ first, last }) => first <= number && number <= last).map(({ first, where, message }) => `${where}: ${message}${seconds(first)}`);
+  }
+
   /** Return the step that is shown at a time: the last one before it. @param {number} time_ms */
   numberAt(time_ms) { return Math.max(firstAfter(this.time_ms, time_ms) - 1, 0); }
 }

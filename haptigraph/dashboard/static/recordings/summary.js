@@ -30,7 +30,7 @@ export function showMeasures(run, other) {
   })]);
   if (claims.length) claims.unshift(["claims about time"]);
   const body = [...rows, ...times("in the run", "state_s"), ...times("in the whole recording", "all_state_s"), ...claims];
-  $("measures-head").replaceChildren(...head.map((cells) => make("tr", {}, ...cells.map((text) => make("th", { textContent: text, title: text })))));
+  $("measures-head").replaceChildren(...head.map((cells) => make("tr", {}, ...cells.map((text) => make("th", { textContent: text.replaceAll("_", "_\u200b"), title: text })))));
   $("measures").replaceChildren(...body.map((cells) => (cells.length === 1
     ? make("tr", { className: "group" }, make("td", { textContent: cells[0], colSpan: measures.length + 1 }))
     : make("tr", {}, ...cells.map((textContent) => make("td", { textContent }))))));
@@ -56,7 +56,10 @@ export class Events {
     const { started_ms, ended_ms } = run.content.measures;
     if (started_ms !== null) this.all.push({ number: run.numberAt(started_ms + 1e-3), kind: "state", text: "run starts: tip inside the eye", mark: "→" });
     if (ended_ms !== null) this.all.push({ number: run.numberAt(ended_ms + 1e-3), kind: "state", text: "run ends: target hit", mark: "✓" });
-    for (const { first, where, message } of run.content.faults) this.all.push({ number: first, kind: "fault", text: `${where}: ${message}`, mark: "▲" });
+    for (const { first, last, where, message, ended } of run.content.faults) {
+      this.all.push({ number: first, kind: "fault", text: `${where}: ${message}`, mark: "▲" });
+      if (ended) this.all.push({ number: Math.min(last + 1, run.length - 1), kind: "fault", text: `${where}: ${ended}`, mark: "✓" });
+    }
     for (const [first, , isState] of other ? differences : []) {
       const names = isState ? [label(other?.stateAt(first) ?? ""), label(run.stateAt(first))] : [`feels ${other?.patternAt(first)}`, run.patternAt(first)];
       this.all.push({ number: first, kind: "difference", text: names.join(" instead of "), mark: "≠" });

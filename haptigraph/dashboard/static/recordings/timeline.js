@@ -2,13 +2,13 @@
  *  Everything but the cursor is drawn once into a second canvas, so that moving the cursor is cheap. */
 
 import { colors, onRecolor } from "../theme/colors.js";
-import { drawAxis, drawCurve, drawHaptics } from "./curves.js";
+import { drawAxis, drawCurve, drawHaptics, hatch } from "./curves.js";
 import { differencesOf } from "./run.js";
 import { make } from "../common/dom.js";
 import { icon } from "../common/icons.js";
-import { stripsOf } from "../common/strips.js";
+import { boundsOf, stripsOf } from "../common/strips.js";
 
-const RIGHT = 14, LANE = 14, NARROW_PX = 700, MIN_SPAN_MS = 400;
+const RIGHT = 14, LANE = 14, NARROW_PX = 700, MIN_SPAN_MS = 400, MIN_STRIP = 26, MIN_HAPTICS = 17;
 
 export class Timeline {
   /** @type {RecordedRun} */ run;
@@ -16,14 +16,14 @@ export class Timeline {
   /** @type {Difference[]} */ differences = [];
   /** @type {StateDescription[]} */ states = [];
   /** @type {Map<string, number>} */ rows = new Map();
-  /** @type {Strip[]} */ strips = [];
-  /** @type {StripBox[]} */ boxes = [];
+  /** @type {StripBox[]} one for each strip */ boxes = [];
   number = 0; from_ms = 0; to_ms = 1; left = 244; width = 0; redrawing = 0;
 
   /** @param {HTMLCanvasElement} canvas @param {HTMLElement} lanes takes the labels of the states
    *  @param {(time_ms: number) => void} onSeek called with the time that is clicked */
   constructor(canvas, lanes, onSeek) {
     this.canvas = canvas; this.lanes = lanes; this.onSeek = onSeek;
+    this.scale = /** @type {HTMLElement} */ (canvas.parentElement);
     this.context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { alpha: false }));
     this.background = make("canvas");
     canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); this.seek(event); });
@@ -37,11 +37,10 @@ export class Timeline {
     this.run = run;
     this.number = 0;
     [this.from_ms, this.to_ms] = [0, Math.max(run.end_ms, 1)];
-    this.strips = stripsOf(run.content.hello.procedure.relations).map((strip) => ({ ...strip, max: maxOf(run.measure(strip.measure), strip) }));
     this.compare(null);
   }
 
-  /** Show another procedure's states below the recorded ones. @param {ComparedRun | null} other null: no comparison */
+  /** Show another procedure's states, bounds and haptic output beside the recorded ones. @param {ComparedRun | null} other null: no comparison */
   compare(other) {
     this.other = other;
     this.differences = other ? differencesOf(this.run, other) : [];
@@ -50,6 +49,12 @@ export class Timeline {
     if (other) states.push(...other.states.filter((state) => !known.has(state.name)));
     this.states = states;
     this.rows = new Map(states.map((state, row) => [state.name, row]));
+    this.boxes = stripsOf(this.run.content.hello.procedure.relations).map((strip) => {
+      const compared = other && differing(boundsOf(strip.measure, other.content.relations), strip);
+      return { strip: { ...strip, max: maxOf(this.run.measure(strip.measure), strip, compared?.bounds ?? []) }, compared, top: 0, height: 0 };
+    });
+    const rows = states.length + Number(Boolean(other)) + Number(this.run.content.faults.length > 0);
+    this.scale.style.minHeight = `${rows * LANE + this.boxes.length * MIN_STRIP + (other ? 2 : 1) * MIN_HAPTICS + 21}px`;
     this.lanes.replaceChildren(...states.map((state) => make("li", { title: state.label }, icon(state), state.label)));
     this.redraw();
     this.show(this.number);
@@ -115,10 +120,15 @@ export class Timeline {
     let top = this.drawLanes(c);
     if (this.other) top = this.drawDifferences(c, top);
     if (this.run.content.faults.length) top = this.drawFaults(c, top);
-    const each = (height - 18 - top) / (this.strips.length + 0.6);
-    this.boxes = this.strips.map((strip, at) => ({ strip, top: top + at * each + 5, height: each - 9 }));
-    for (const box of this.boxes) drawCurve(c, this, box);
-    drawHaptics(c, this, top + this.strips.length * each + 4, each * 0.6 - 6);
+    const { boxes, run, other } = this;
+    const haptics = other ? Math.max(2 * MIN_HAPTICS, (height - 18 - top) * 0.3) : (height - 18 - top) * 0.6 / (boxes.length + 0.6);
+    const each = (height - 18 - top - haptics) / boxes.length;
+    for (const [at, box] of boxes.entries()) drawCurve(c, this, Object.assign(box, { top: top + at * each + 5, height: each - 9 }));
+    top = height - 18 - haptics + 4;
+    if (other) {
+      drawHaptics(c, this, run, { label: this.isNarrow ? "haptics" : "haptics, as recorded", top, height: haptics / 2 - 5 });
+      drawHaptics(c, this, other, { label: this.isNarrow ? "compared" : `haptics, ${other.content.procedure}`, top: top + haptics / 2, height: haptics / 2 - 5, isHatched: true });
+    } else drawHaptics(c, this, run, { label: this.isNarrow ? "haptics" : "haptics, as commanded", top, height: haptics - 6 });
     drawAxis(c, this, height - 4);
     this.draw();
   }
@@ -204,19 +214,15 @@ export class Timeline {
 /** @param {CanvasRenderingContext2D} c @param {string} text @param {number} y */
 function drawLabel(c, text, y) { c.fillStyle = colors.quiet; c.textAlign = "left"; c.fillText(text, 0, y); }
 
-/** @param {CanvasRenderingContext2D} c @param {number} left @param {number} top @param {number} width @param {number} height */
-function hatch(c, left, top, width, height) {
-  c.save();
-  c.beginPath(); c.rect(left, top, width, height); c.clip();
-  c.strokeStyle = "#0008"; c.lineWidth = 1.5; c.beginPath();
-  for (let x = left - height; x < left + width; x += 4) { c.moveTo(x, top + height); c.lineTo(x + height, top); }
-  c.stroke();
-  c.restore();
+/** Return the bounds of the procedure that the run is compared with, if they differ. @param {Bounds} other @param {Bounds} own */
+function differing(other, own) {
+  return [...other.bounds].sort().join() === [...own.bounds].sort().join() && other.band === own.band ? null : other;
 }
 
-/** Choose the top of a curve's scale: the whole run, up to ten times the bounds. @param {ArrayLike<number>} column @param {Strip} strip */
-function maxOf(column, strip) {
+/** Choose the top of a curve's scale: the whole run, up to ten times the bounds.
+ *  @param {ArrayLike<number>} column @param {Strip} strip @param {number[]} more bounds, of another procedure */
+function maxOf(column, strip, more) {
   let max = 0;
   for (let at = 0; at < column.length; at++) if (column[at] > max) max = column[at];
-  return Math.min(Math.max(max * 1.05, ...strip.bounds, 1e-6), strip.max * 5);
+  return Math.max(Math.min(Math.max(max * 1.05, ...strip.bounds, 1e-6), strip.max * 5), ...more.map((bound) => bound * 1.05));
 }

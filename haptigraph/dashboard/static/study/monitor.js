@@ -44,7 +44,9 @@ export class Monitor {
   showStatus({ trial_status, shows_conditions }) {
     this.isOn = trial_status === "running" || trial_status === "ending";
     $("idle").hidden = this.isOn;
-    $("idle").textContent = trial_status === "preparing" ? "Preparing the trial …" : "No trial is running.";
+    const what = shows_conditions ? "the eye with the instrument, the surgical state, the haptic output, and distance and angle over time" : "the eye with the instrument";
+    setText($("idle").children[0], trial_status === "preparing" ? "Preparing the trial …" : "No trial is running.");
+    setText($("idle").children[1], this.feed.hello ? "" : `During a trial you see here ${what}.`);
     $("monitor").classList.toggle("on", this.isOn);
     $("monitor").classList.toggle("empty", !this.feed.hello);
     $("monitor").classList.toggle("blind", !shows_conditions);

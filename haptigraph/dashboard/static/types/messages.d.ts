@@ -83,7 +83,7 @@ interface FoundRow {
 }
 interface Found { rows: FoundRow[], is_complete: boolean, note: string }
 interface RunListing { folder: string, runs: RunRow[], left_out: number, procedures: string[] }
-interface FaultSpan { first: number, last: number, where: string, message: string }
+interface FaultSpan { first: number, last: number, where: string, message: string, ended: string }
 type ColumnType = "f8" | "f4" | "u2";
 /** Fields of a timeline and of a comparison; both describe the columns that follow. */
 interface RunContent {
@@ -95,7 +95,7 @@ interface RecordedContent extends RunContent {
   run: { started_utc: string, participant: string, trial: string, version: string },
 }
 interface ComparisonContent extends RunContent {
-  state_descriptions: StateDescription[], procedure: string, steps: number, identical: number,
+  state_descriptions: StateDescription[], relations: Relation[], procedure: string, steps: number, identical: number,
   state_differs: number, haptics_differ: number, dropped_images: number, differing_images: number,
 }
 type Columns = Record<string, Float64Array | Float32Array | Uint16Array>;

@@ -10,11 +10,12 @@ interface NodePosition { x: number, y: number, isLeft: boolean }
 interface Box { left: number, width: number, top: number, height: number }
 /** An edge of the drawn scene graph; `curve` turns a share of its way into a point. */
 interface Edge { group: SVGGElement, text: SVGTextElement, curve: (share: number) => { x: number, y: number } }
+/** The bounds that decide by a measure, and up to where its values are tolerated. */
+interface Bounds { bounds: number[], band: number }
 /** A curve over time: a measure, the bounds that decide by it, and its scale. */
-interface Strip {
-  measure: string, label: string, unit: string, digits: number, bounds: number[], min: number, max: number, band: number,
-}
-interface StripBox { strip: Strip, top: number, height: number }
+interface Strip extends Bounds { measure: string, label: string, unit: string, digits: number, min: number, max: number }
+/** A strip on the timeline; `compared`: the bounds of the procedure that the run is compared with, where they differ. */
+interface StripBox { strip: Strip, compared: Bounds | null, top: number, height: number }
 /** The values of a curve within one column of pixels. */
 interface PixelColumn { x: number, isStart: boolean, first: number, min: number, max: number, last: number }
 type RecordedRun = import("../recordings/run.js").Run<RecordedContent>;
