@@ -14,6 +14,7 @@ export class RunList {
   /** Load the list. */
   async load() {
     this.stop();
+    $("folder").textContent = "reading the folder…";
     /** @type {RunListing} */ const listing = await (await get("/recordings/list", {})).json();
     this.procedures = listing.procedures;
     $("folder").textContent = listing.folder + (listing.left_out ? ` (and ${listing.left_out} older ones that are not listed)` : "");
