@@ -41,8 +41,8 @@ __all__ = ["evaluate"]
     "perceivers",
     multiple=True,
     metavar="NAME",
-    help="Perceiver to score, also MODULE:CLASS; with --simulated repeatable. Default: that of the settings; "
-    "with --simulated, else all.",
+    help="Perceiver to score, also MODULE:CLASS; with --simulated repeatable, not with RECORDING. Default: "
+    "that of the settings; with --simulated, else all.",
 )
 @click.option("--seed", type=click.IntRange(min=0), help="Random seed of the simulated scenes.")
 @click.option(
@@ -100,7 +100,10 @@ def evaluate(
     if clip_dir is not None and Path(clip_dir).suffix == ".mcap":
         others = (simulated, *perceivers, seed, figure, config, *settings, as_recorded or None)
         if any(other is not None for other in others):
-            raise BadInput("a recording is scored with its own settings; it goes with --procedure and --json")
+            raise BadInput(
+                "a recording is scored with its own settings, and goes with --procedure and --json; for "
+                "others record it anew: haptigraph run RECORDING --fast --set KEY=VALUE --record NEW.mcap"
+            )
         _evaluate_recording(clip_dir, procedure, as_json=as_json)
         return
     if (clip_dir is None) == (simulated is None):

@@ -262,28 +262,29 @@ def procedure_list() -> None:
     "new",
     epilog=examples(
         "haptigraph procedure new --from subretinal_injection -o my.toml",
+        "haptigraph procedure new --from run.mcap -o recorded.toml",
         "haptigraph check my.toml",
         "haptigraph live --procedure my.toml",
     ),
 )
-@click.option("--from", "name", metavar="NAME", required=True, help="Shipped procedure to copy.")
+@click.option(
+    "--from",
+    "name",
+    metavar="NAME|RECORDING",
+    required=True,
+    help="Shipped procedure, or the one of a recording.",
+)
 @click.option("-o", "--output", metavar="FILE", required=True, help="TOML file to write.")
 @click.option("--force", is_flag=True, help="Overwrite an existing file.")
 def procedure_new(name: str, output: str, force: bool) -> None:
-    """Copy a shipped procedure to a file of your own, to edit it."""
-    from importlib import resources
+    """Copy a shipped procedure, or the one of a recording, to a file of your own, to edit it."""
     from pathlib import Path
 
-    from haptigraph.assemble import procedure_names
-
-    if name not in procedure_names():
-        raise BadInput(unknown_name("procedure", name, procedure_names()))
-    path = Path(output)
+    text, path = _procedure_text(name), Path(output)
     if path.suffix != ".toml":
         raise BadInput("the name of a procedure's file ends in .toml", path)
     if not path.parent.is_dir():
         raise BadInput("its folder does not exist; create it first", path)
-    text = resources.files("haptigraph.procedures").joinpath(f"{name}.toml").read_bytes()
     try:
         with path.open("wb" if force else "xb") as file:
             file.write(text)
@@ -291,3 +292,17 @@ def procedure_new(name: str, output: str, force: bool) -> None:
         raise BadInput("exists already; --force overwrites it", path) from None
     click.echo(f"{path} was written; edit it, then prove it and run it:")
     click.echo(f"  haptigraph check {path}\n  haptigraph live --procedure {path}")
+
+
+def _procedure_text(name: str) -> bytes:
+    """Return the TOML text of a shipped procedure, or of that in a recording."""
+    from importlib import resources
+
+    from haptigraph.assemble import procedure_names
+    from haptigraph.recording.reader import RunReader
+
+    if name.endswith(".mcap"):
+        return RunReader(name).info.procedure.encode()
+    if name not in procedure_names():
+        raise BadInput(unknown_name("procedure", name, procedure_names()))
+    return resources.files("haptigraph.procedures").joinpath(f"{name}.toml").read_bytes()

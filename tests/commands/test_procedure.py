@@ -4,8 +4,10 @@ from importlib import resources
 
 import pytest
 from helpers import call, refuse
+from paths import GOLDEN
 
 from haptigraph.assemble import load_procedure, procedure_names
+from haptigraph.recording.reader import RunReader
 
 
 def test_list_names_every_shipped_procedure_with_its_title():
@@ -25,6 +27,12 @@ def test_new_copies_a_procedure_that_runs_as_the_shipped_one(name, tmp_path):
     assert copy.read_bytes() == shipped.read_bytes()
     assert load_procedure(str(copy)).sha256 == load_procedure(name).sha256
     assert f"haptigraph check {copy}" in result.stdout and f"--procedure {copy}" in result.stdout
+
+
+def test_new_copies_the_procedure_of_a_recording(tmp_path):
+    recording, copy = GOLDEN / "vein_cannulation.mcap", tmp_path / "recorded.toml"
+    assert call("procedure", "new", "--from", recording, "-o", copy).exit_code == 0
+    assert copy.read_text() == RunReader(recording).info.procedure
 
 
 def test_new_overwrites_only_with_force(tmp_path):

@@ -11,11 +11,13 @@ from haptigraph.analysis.batch.batch import Batch, open_results
 from haptigraph.analysis.batch.figures import paired_bars, share_bars
 from haptigraph.analysis.batch.results import Row
 from haptigraph.analysis.batch.summary import MAX_LISTED, Moment, Totals
+from haptigraph.analysis.evaluation.evaluation import spread
 from haptigraph.analysis.metrics.page_address import moment_address, page_command, page_procedure
 from haptigraph.files import write_files
 
 __all__ = ["write_report"]
 
+MEASURED = ("_mm", "_deg")
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
 table { border-collapse: collapse; } td, th { padding: .2rem .8rem .2rem 0; text-align: left; }
@@ -65,9 +67,11 @@ def _columns(rows: Iterator[Row]) -> list[str]:
 
 
 def _flat(result: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return a result as columns; lists are counted."""
+    """Return a result as columns: of measurements median and 95th percentile; other lists are counted."""
     flat: dict[str, Any] = {}
     for name, value in result.items():
+        if isinstance(value, list) and name.endswith(MEASURED):
+            value = spread(value)
         if isinstance(value, dict):
             flat |= _flat(value, f"{prefix}{name}.")
         else:

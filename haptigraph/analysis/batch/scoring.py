@@ -7,6 +7,7 @@ from typing import Any
 from haptigraph.analysis.evaluation.evaluation import spread
 from haptigraph.analysis.evaluation.report import Report, report_text
 from haptigraph.analysis.metrics.replay import (
+    own_note,
     recorded_config,
     recorded_procedure,
     recorded_registration,
@@ -15,6 +16,7 @@ from haptigraph.analysis.metrics.replay import (
 from haptigraph.assemble import perceiver_class, perceiver_name
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
+from haptigraph.importing import is_own
 from haptigraph.inference.procedure import Procedure
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
@@ -35,8 +37,12 @@ def report_recording(
     """
     scores = score_recording(path, procedure, progress)
     errors_mm, errors_deg = scores.pop("tip_errors_mm"), scores.pop("theta_errors_deg")
+    reader = RunReader(path)
+    perceiver = perceiver_name(recorded_config(reader), procedure or recorded_procedure(reader))
     scores = {
         "recording": str(path),
+        "perceiver": perceiver,
+        **({"note": own_note(reader, perceiver)} if is_own(perceiver) else {}),
         "scored_images": scores.pop("images"),
         **scores,
         "tip_error_mm": spread(errors_mm),

@@ -29,6 +29,7 @@ __all__ = [
     "Difference",
     "OtherState",
     "ReplayReport",
+    "own_note",
     "recorded_config",
     "recorded_procedure",
     "recorded_registration",
@@ -170,7 +171,7 @@ def replay_pipeline(reader: RunReader, procedure: str | Procedure | None = None)
     config = recorded_config(reader)
     perceiver = config.perception.perceiver
     if is_own(perceiver):
-        _own_note(reader, perceiver)
+        own_note(reader, perceiver)
     elif perceiver not in (*assemble.PERCEIVERS, "auto"):  # that of a simulated participant, without images
         raise BadInput(
             f"was made without images (perceiver {perceiver}), so it cannot be replayed", reader.path
@@ -242,13 +243,13 @@ def _notes(reader: RunReader, procedure: Procedure) -> tuple[str, ...]:
         )
     name = assemble.perceiver_name(recorded_config(reader), procedure)
     if is_own(name):
-        notes += (_own_note(reader, name),)
+        notes += (own_note(reader, name),)
     elif name not in assemble.PERCEIVERS:
         return notes
     return (*notes, *unreported_notes(procedure, name, assemble.perceiver_class))
 
 
-def _own_note(reader: RunReader, perceiver: str) -> str:
+def own_note(reader: RunReader, perceiver: str) -> str:
     """Return whether a perceiver of the user's own is still that of the run, in one sentence.
 
     Raises:

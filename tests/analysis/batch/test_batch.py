@@ -134,6 +134,9 @@ def test_perception_is_scored_with_the_ground_truth(folder, tmp_path):
     assert result["tips"] == len(result["tip_errors_mm"]) > 0.9 * result["images"]
     assert sorted(result["tip_errors_mm"])[result["tips"] // 2] < 0.15
     assert "tip error [mm]" in "\n".join(write_report(batch, ""))
+    with (tmp_path / "out" / "recordings.csv").open(newline="") as file:
+        row = next(csv.DictReader(file))
+    assert 0 < float(row["tip_errors_mm.median"]) < float(row["tip_errors_mm.p95"])
 
 
 def test_alarms_are_gained_or_lost_only_without_any_in_the_other_run():
