@@ -58,9 +58,11 @@ def design_lines(design: Design, anatomy: Anatomy, found: AnatomyPx, *, has_targ
         + ", ".join(f"{each.what} {each.off}, {each.sd:.1f} sd" for each in compared)
     ]
     if has_target:
-        (roll_deg, _), sd_px = design.roll(anatomy), _target_sd_px(design, anatomy)
+        angles = design.estimated(anatomy)
+        turned_deg = angles.mean_deg[-1] - design.prediction.angles.mean_deg[-1]
+        sd_px = math.radians(angles.sd_deg[-1]) * anatomy.radius_px
         lines.append(
-            f"           target at its designed angle {roll_deg:+.1f} deg as the ports are turned, uncertain "
+            f"           target at its designed angle {turned_deg:+.1f} deg as the ports are turned, uncertain "
             f"by {in_px_and_mm(sd_px, mm)}; {in_px_and_mm(off_px, mm)} from its designed position"
         )
     return lines + [
@@ -68,13 +70,6 @@ def design_lines(design: Design, anatomy: Anatomy, found: AnatomyPx, *, has_targ
         for each in compared
         if not each.is_within
     ]
-
-
-def _target_sd_px(design: Design, anatomy: Anatomy) -> float:
-    """Return the standard deviation of the target along the retina."""
-    _, roll_sd_deg = design.roll(anatomy)
-    print_px = design.prediction.rig.tolerances.print_mm / design.prediction.mm_per_px
-    return math.hypot(math.radians(roll_sd_deg) * anatomy.radius_px, print_px)
 
 
 def _center(design: Design, found: AnatomyPx) -> Deviation:
@@ -125,11 +120,11 @@ def _tilt(design: Design, anatomy: Anatomy) -> Deviation:
 def _roll(design: Design, anatomy: Anatomy) -> Deviation | None:
     """Compare the ports' angles; None if no port was found."""
     expected = design.expected
-    offs = [expected.off_port_deg(trocar.angle_deg) for trocar in anatomy.trocars if not trocar.is_designed]
+    offs = [expected.off_port_deg(trocar.angle_deg) for trocar in anatomy.trocars]
     if not offs:
         return None
     off_deg = float(np.median(offs))
-    sd_deg = math.hypot(float(design.prediction.sd.roll_deg[0]), design.port_sd_deg)
+    sd_deg = math.hypot(expected.ports_sd_deg, design.port_sd_deg)
     return Deviation(
         "ports",
         f"{off_deg:+.1f} deg",

@@ -97,9 +97,11 @@ def register_source(
     expected, lens = design.expected if design else None, _lens(overrides, images)
     anatomy = plausible_anatomy(images, overrides.globe_mm, source, expected=expected, lens=lens)
     has_target = overrides.target is None and overrides.target_mm is None
+    seen = anatomy
     if design:
-        anatomy = design.completed(anatomy)
-        overrides = design.placed(overrides, anatomy)
+        angles = design.estimated(seen)
+        anatomy = design.completed(seen, angles)
+        overrides = design.placed(overrides, anatomy, angles)
     if overrides.trocar is None and enters_elsewhere(images, anatomy):
         raise BadInput(f"{NOT_UPRIGHT}; if it is upright, give --trocar", source)
     mm_per_px = overrides.globe_mm / (2 * anatomy.radius_px)
@@ -114,7 +116,7 @@ def register_source(
     found = replace(found, background_webp=background.webp if background else b"")
     png = registration_picture(anatomy.reference_image, registration, found, uncertainty, anatomy)
     write_files(files, (registration_text(found, title).encode(), png))
-    about_design = design_lines(design, anatomy, found, has_target=has_target) if design else []
+    about_design = design_lines(design, seen, found, has_target=has_target) if design else []
     return "\n".join(report_lines(anatomy, found, registration, overrides, files, about_design))
 
 
