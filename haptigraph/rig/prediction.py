@@ -61,6 +61,16 @@ class Angles(Struct, frozen=True, eq=False):
         """Standard deviations, (3,)."""
         return np.sqrt(np.diag(self.cov_deg2))
 
+    @property
+    def ports_deg(self) -> tuple[tuple[float, float], ...]:
+        """Angle and standard deviation of each port."""
+        return tuple(zip(self.mean_deg[:-1].tolist(), self.sd_deg[:-1].tolist(), strict=True))
+
+    @property
+    def target_deg(self) -> tuple[float, float]:
+        """Angle and standard deviation of the target."""
+        return float(self.mean_deg[-1]), float(self.sd_deg[-1])
+
     def given(self, measured: Iterable[tuple[int, float, float]]) -> "Angles":
         """Return the distribution given measurements, each weighed by its inverse variance.
 

@@ -96,7 +96,9 @@ def test_angles_are_those_of_the_design_and_vary_by_the_eyes_turn_and_the_print(
     sign = -1 if rig.mirrored else 1
     print_deg = math.degrees(rig.tolerances.print_mm / (eye.diameter_mm / 2))
 
-    assert angles.mean_deg == pytest.approx([*(sign * each for each in eye.trocars_deg), -sign * eye.target_deg])
+    assert angles.mean_deg == pytest.approx(
+        [*(sign * each for each in eye.trocars_deg), -sign * eye.target_deg]
+    )
     by_hand = turned_and_printed(float(predict(rig).sd.roll_deg[0]), print_deg)
     assert angles.cov_deg2 == pytest.approx(by_hand.cov_deg2, rel=0.06)
 

@@ -58,12 +58,12 @@ def design_lines(design: Design, anatomy: Anatomy, found: AnatomyPx, *, has_targ
         + ", ".join(f"{each.what} {each.off}, {each.sd:.1f} sd" for each in compared)
     ]
     if has_target:
-        angles = design.estimated(anatomy)
-        turned_deg = angles.mean_deg[-1] - design.prediction.angles.mean_deg[-1]
-        sd_px = math.radians(angles.sd_deg[-1]) * anatomy.radius_px
+        target_deg, sd_deg = design.estimated(anatomy).target_deg
+        turned_deg = target_deg - design.prediction.angles.target_deg[0]
+        sd_px = math.radians(sd_deg) * anatomy.radius_px
         lines.append(
-            f"           target at its designed angle {turned_deg:+.1f} deg as the ports are turned, uncertain "
-            f"by {in_px_and_mm(sd_px, mm)}; {in_px_and_mm(off_px, mm)} from its designed position"
+            f"           target at its designed angle {turned_deg:+.1f} deg as the ports are turned, "
+            f"uncertain by {in_px_and_mm(sd_px, mm)}; {in_px_and_mm(off_px, mm)} from its designed position"
         )
     return lines + [
         f"WARNING    {each.what} {each.off} off the design, {each.sd:.1f} standard deviations: {each.cause}"
@@ -119,16 +119,18 @@ def _tilt(design: Design, anatomy: Anatomy) -> Deviation:
 
 def _roll(design: Design, anatomy: Anatomy) -> Deviation | None:
     """Compare the ports' angles; None if no port was found."""
-    expected = design.expected
-    offs = [expected.off_port_deg(trocar.angle_deg) for trocar in anatomy.trocars]
-    if not offs:
+    if not anatomy.trocars:
         return None
-    off_deg = float(np.median(offs))
-    sd_deg = math.hypot(expected.ports_sd_deg, design.port_sd_deg)
+    expected = design.expected
+    offs_deg = [expected.off_port_deg(trocar.angle_deg) for trocar in anatomy.trocars]
+    sds_deg = [
+        math.hypot(expected.ports_sd_deg, design.measured_sd_deg(trocar)) for trocar in anatomy.trocars
+    ]
+    off_deg = float(np.median(offs_deg))
     return Deviation(
         "ports",
         f"{off_deg:+.1f} deg",
-        abs(off_deg) / sd_deg,
+        abs(float(np.median(np.divide(offs_deg, sds_deg)))),
         "likely the eye or the camera is turned about the line of sight, or the trocars are not in the rig's "
         "ports: check the eye's pin and the camera's screws",
     )

@@ -22,7 +22,7 @@ from haptigraph.rig.prediction import Angles, Prediction, predict, vec_of
 
 __all__ = ["Design", "load_design"]
 
-PORT_SD_MM = 0.3  # of a port found in the image, along the wall
+RCM_SD_MM = 0.3  # along the wall: an instrument need not move in the middle of its port
 
 
 class Design(Struct, frozen=True, eq=False):
@@ -47,8 +47,8 @@ class Design(Struct, frozen=True, eq=False):
             closeness=float(expected.closeness[0]),
             closeness_sd=float(sd.closeness[0]),
             tilt_sd_deg=float(sd.tilt_deg.max()),
-            ports_deg=tuple(map(float, angles.mean_deg[:-1])),
-            ports_sd_deg=float(angles.sd_deg[:-1].max()),
+            ports_deg=tuple(angle_deg for angle_deg, _ in angles.ports_deg),
+            ports_sd_deg=max(sd_deg for _, sd_deg in angles.ports_deg),
         )
 
     def check_images(self, image: Image, overrides: Overrides, source: str) -> None:
@@ -91,7 +91,7 @@ class Design(Struct, frozen=True, eq=False):
         """Estimate the angles of ports and target jointly, from the design and the ports found."""
         expected = self.expected
         return self.prediction.angles.given(
-            (expected.port_number(trocar.angle_deg), trocar.angle_deg, self.port_sd_deg)
+            (expected.port_number(trocar.angle_deg), trocar.angle_deg, self.measured_sd_deg(trocar))
             for trocar in anatomy.trocars
             if expected.is_port(trocar.angle_deg)
         )
@@ -110,9 +110,9 @@ class Design(Struct, frozen=True, eq=False):
         distance_px = (1 + eye.wall_mm / eye.diameter_mm) * anatomy.radius_px
         ports = tuple(
             FoundTrocar(
-                _point_at(anatomy, distance_px, angle_deg), angle_deg, None, is_designed=number not in found
+                _point_at(anatomy, distance_px, angle_deg), angle_deg, None, sd_deg, number not in found
             )
-            for number, angle_deg in enumerate(map(float, angles.mean_deg[:-1]))
+            for number, (angle_deg, sd_deg) in enumerate(angles.ports_deg)
             if all(abs(trocar.angle_deg - angle_deg) > MIN_SEPARATION_DEG for trocar in kept)
         )
         return replace(anatomy, trocars=(*kept, *ports))
@@ -126,20 +126,21 @@ class Design(Struct, frozen=True, eq=False):
             angles: What was `estimated`.
         """
         eye, mirrored = self.prediction.rig.eye, self.prediction.rig.mirrored
-        used_deg, *_, target_deg = map(float, angles.mean_deg)
         if overrides.target is None and overrides.target_mm is None:
+            target_deg, _ = angles.target_deg
             along_rad = math.radians(target_deg if mirrored else -target_deg)
             overrides = replace(overrides, target_mm=along_rad * eye.diameter_mm / 2)
         if overrides.trocar is not None or any(trocar.rcm for trocar in anatomy.trocars):
             return overrides
-        named = named_trocars(anatomy, mirrored)
+        named, (used_deg, _) = named_trocars(anatomy, mirrored), angles.ports_deg[0]
         name, _ = min(named, key=lambda each: abs(each[1].angle_deg - used_deg))
         return replace(overrides, trocar=name)
 
-    @property
-    def port_sd_deg(self) -> float:
+    def measured_sd_deg(self, trocar: FoundTrocar) -> float:
         """Standard deviation of a port's angle as found in the image."""
-        return math.degrees(PORT_SD_MM / (self.prediction.rig.eye.diameter_mm / 2))
+        if trocar.angle_sd_deg is not None:
+            return trocar.angle_sd_deg
+        return math.degrees(RCM_SD_MM / (self.prediction.rig.eye.diameter_mm / 2))
 
 
 def load_design(file: str) -> Design:

@@ -1,6 +1,5 @@
 """Where the design of a set-up has the anatomy in the image: a prior for the search [px]."""
 
-import math
 from collections.abc import Sequence
 from itertools import combinations
 
