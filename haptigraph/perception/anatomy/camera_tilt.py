@@ -18,7 +18,8 @@ from haptigraph.registration.tilt import CameraTilt
 
 __all__ = ["Prior", "edge_points", "find_camera_tilt", "fit_circles"]
 
-MIN_DEVIATION_PX = 0.5  # from concentric circles; less may be irregularity of an edge
+MIN_DEVIATION_PX = 0.5  # from concentric circles; less may be irregularity of an edge, or the lens
+MIN_CALIBRATED_PX = 0.25  # the same, with a calibrated lens
 CLOSENESS_PRIOR = (0.15, 0.1)  # mean and standard deviation of globe radius / camera distance
 KNOWN_CLOSENESS_SD = 0.005  # with a calibrated focal length; the rim may lie in front of the section
 MAX_CLOSENESS = 0.5
@@ -68,7 +69,8 @@ def find_camera_tilt(
         return None
     inner, outer = rim.inner, rim.outer
     offset_px = math.dist(inner.center_px, outer.center_px)
-    if max(inner.out_of_round_px, outer.out_of_round_px, offset_px) < MIN_DEVIATION_PX:
+    min_px = MIN_CALIBRATED_PX if focal_px else MIN_DEVIATION_PX
+    if max(inner.out_of_round_px, outer.out_of_round_px, offset_px) < min_px:
         return None
     points = edge_points(inner), edge_points(outer)
     prior = Prior.of(expected, inner.radius_px / focal_px if focal_px else None)
