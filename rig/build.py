@@ -87,7 +87,8 @@ def _write(
         (folder / part).mkdir(parents=True)
     done = set()
     for body in bodies:
-        meshes[body.name].export(folder / "meshes" / f"{body.name}.stl")
+        if body.group == "rig":
+            meshes[body.name].export(folder / "meshes" / f"{body.name}.stl")
         if not body.print or body.kind in done:
             continue
         done.add(body.kind)

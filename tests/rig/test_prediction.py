@@ -5,16 +5,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.registration.text import registration_text
 from haptigraph.rig.description import Tolerances, load_rig, parse_rig
-from haptigraph.rig.prediction import observe, predict, predicted_anatomy
+from haptigraph.rig.prediction import Angles, observe, predict, predicted_anatomy
 from haptigraph.rig.view import as_designed, drawn
 
 RIGS = sorted((Path(__file__).parents[2] / "rig").glob("*.toml"))
 D405 = next(file for file in RIGS if file.stem == "d405")
+
+degrees, sds = st.floats(-60, 60), st.floats(0.01, 5)
+measurements = st.lists(st.tuples(st.integers(0, 2), degrees, sds), max_size=6)
+
+
+def turned_and_printed(roll_sd_deg: float, print_sd_deg: float) -> Angles:
+    """Angles of eyes that are turned as a whole, with an independent error of each print."""
+    return Angles(np.array([-36.0, 36.0, 9.0]), roll_sd_deg**2 + print_sd_deg**2 * np.eye(3))
 
 
 @pytest.mark.parametrize("file", RIGS, ids=lambda file: file.stem)
@@ -77,3 +87,58 @@ def test_two_ports_on_one_side_have_two_names():
     anatomy = predicted_anatomy(rig, observe(rig, as_designed()))
 
     assert [(trocar.name, trocar.used) for trocar in anatomy.trocars] == [("right", True), ("right 2", False)]
+
+
+@pytest.mark.parametrize("file", RIGS, ids=lambda file: file.stem)
+def test_angles_are_those_of_the_design_and_vary_by_the_eyes_turn_and_the_print(file):
+    rig = load_rig(file)
+    angles, eye = predict(rig).angles, rig.eye
+    sign = -1 if rig.mirrored else 1
+    print_deg = math.degrees(rig.tolerances.print_mm / (eye.diameter_mm / 2))
+
+    assert angles.mean_deg == pytest.approx(
+        [*(sign * each for each in eye.trocars_deg), -sign * eye.target_deg]
+    )
+    by_hand = turned_and_printed(float(predict(rig).sd.roll_deg[0]), print_deg)
+    assert angles.cov_deg2 == pytest.approx(by_hand.cov_deg2, rel=0.06)
+
+
+@given(sds, sds, degrees, sds)
+def test_one_angle_measured_is_the_inverse_variance_weighted_mean(roll_sd_deg, print_sd_deg, at_deg, sd_deg):
+    prior = turned_and_printed(roll_sd_deg, print_sd_deg)
+    weights = 1 / prior.sd_deg[1] ** 2, 1 / sd_deg**2
+
+    posterior = prior.given([(1, at_deg, sd_deg)])
+
+    mean_deg = (weights[0] * prior.mean_deg[1] + weights[1] * at_deg) / sum(weights)
+    assert posterior.mean_deg[1] == pytest.approx(mean_deg, abs=1e-6)
+    assert posterior.sd_deg[1] == pytest.approx(sum(weights) ** -0.5, rel=1e-6)
+    shared = roll_sd_deg**2 / (roll_sd_deg**2 + print_sd_deg**2)
+    moved_deg = posterior.mean_deg - prior.mean_deg
+    assert moved_deg[[0, 2]] == pytest.approx(shared * moved_deg[1], abs=1e-6)
+
+
+@given(sds, sds, measurements)
+def test_measured_angles_give_the_least_squares_estimate_in_any_order(roll_sd_deg, print_sd_deg, measured):
+    """Every unknown is solved for at once: the turn of the eye, and the error of each print."""
+    rows = [[1 / roll_sd_deg, 0, 0, 0], *(np.eye(4)[1:] / print_sd_deg)]
+    prior, right = turned_and_printed(roll_sd_deg, print_sd_deg), [0.0] * 4
+    for number, at_deg, sd_deg in measured:
+        rows.append((np.eye(4)[0] + np.eye(4)[number + 1]) / sd_deg)
+        right.append((at_deg - prior.mean_deg[number]) / sd_deg)
+    roll, *prints = np.linalg.lstsq(np.array(rows), np.array(right))[0]
+
+    posterior, reverse = prior.given(measured), prior.given(measured[::-1])
+
+    assert posterior.mean_deg == pytest.approx(prior.mean_deg + roll + np.array(prints), abs=1e-3)
+    assert reverse.mean_deg == pytest.approx(posterior.mean_deg, abs=1e-3)
+    assert np.all(posterior.sd_deg <= prior.sd_deg + 1e-9)
+
+
+@given(degrees, sds)
+def test_a_perfect_prior_gives_the_prior_and_a_perfect_picture_the_picture(at_deg, sd_deg):
+    exact, loose = turned_and_printed(0.0, 0.0), turned_and_printed(1.0, 0.5)
+
+    assert exact.given([(0, at_deg, sd_deg)]).mean_deg == pytest.approx(exact.mean_deg)
+    assert loose.given([(0, at_deg, 1e-6)]).mean_deg[0] == pytest.approx(at_deg, abs=1e-6)
+    assert loose.given([]).mean_deg == pytest.approx(loose.mean_deg)

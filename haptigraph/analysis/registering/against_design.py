@@ -58,23 +58,18 @@ def design_lines(design: Design, anatomy: Anatomy, found: AnatomyPx, *, has_targ
         + ", ".join(f"{each.what} {each.off}, {each.sd:.1f} sd" for each in compared)
     ]
     if has_target:
-        (roll_deg, _), sd_px = design.roll(anatomy), _target_sd_px(design, anatomy)
+        target_deg, sd_deg = design.estimated(anatomy).target_deg
+        turned_deg = target_deg - design.prediction.angles.target_deg[0]
+        sd_px = math.radians(sd_deg) * anatomy.radius_px
         lines.append(
-            f"           target at its designed angle {roll_deg:+.1f} deg as the ports are turned, uncertain "
-            f"by {in_px_and_mm(sd_px, mm)}; {in_px_and_mm(off_px, mm)} from its designed position"
+            f"           target at its designed angle {turned_deg:+.1f} deg as the ports are turned, "
+            f"uncertain by {in_px_and_mm(sd_px, mm)}; {in_px_and_mm(off_px, mm)} from its designed position"
         )
     return lines + [
         f"WARNING    {each.what} {each.off} off the design, {each.sd:.1f} standard deviations: {each.cause}"
         for each in compared
         if not each.is_within
     ]
-
-
-def _target_sd_px(design: Design, anatomy: Anatomy) -> float:
-    """Return the standard deviation of the target along the retina."""
-    _, roll_sd_deg = design.roll(anatomy)
-    print_px = design.prediction.rig.tolerances.print_mm / design.prediction.mm_per_px
-    return math.hypot(math.radians(roll_sd_deg) * anatomy.radius_px, print_px)
 
 
 def _center(design: Design, found: AnatomyPx) -> Deviation:
@@ -124,16 +119,18 @@ def _tilt(design: Design, anatomy: Anatomy) -> Deviation:
 
 def _roll(design: Design, anatomy: Anatomy) -> Deviation | None:
     """Compare the ports' angles; None if no port was found."""
-    expected = design.expected
-    offs = [expected.off_port_deg(trocar.angle_deg) for trocar in anatomy.trocars if not trocar.is_designed]
-    if not offs:
+    if not anatomy.trocars:
         return None
-    off_deg = float(np.median(offs))
-    sd_deg = math.hypot(float(design.prediction.sd.roll_deg[0]), design.port_sd_deg)
+    expected = design.expected
+    offs_deg = [expected.off_port_deg(trocar.angle_deg) for trocar in anatomy.trocars]
+    sds_deg = [
+        math.hypot(expected.ports_sd_deg, design.measured_sd_deg(trocar)) for trocar in anatomy.trocars
+    ]
+    off_deg = float(np.median(offs_deg))
     return Deviation(
         "ports",
         f"{off_deg:+.1f} deg",
-        abs(off_deg) / sd_deg,
+        abs(float(np.median(np.divide(offs_deg, sds_deg)))),
         "likely the eye or the camera is turned about the line of sight, or the trocars are not in the rig's "
         "ports: check the eye's pin and the camera's screws",
     )

@@ -1,9 +1,11 @@
 """What the design of a rig adds to a registration: where to search, scale, mirror, target, trocar in use.
 
-Angles are from the top, positive to the image's right; the eye appears turned by `roll_deg`, clockwise.
+Angles are from the top, positive to the image's right. Those of ports and target are estimated jointly, as a
+normal distribution: a port that is found says how far the eye is turned, and so where the target is.
 """
 
 import math
+from itertools import compress
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -16,11 +18,11 @@ from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.anatomy.expected import Expected
 from haptigraph.perception.anatomy.port_opening import MIN_SEPARATION_DEG
 from haptigraph.rig.description import load_rig
-from haptigraph.rig.prediction import Prediction, predict, vec_of
+from haptigraph.rig.prediction import Angles, Prediction, predict, vec_of
 
 __all__ = ["Design", "load_design"]
 
-PORT_SD_MM = 0.3  # of a port found in the image, along the wall
+RCM_SD_MM = 0.3  # along the wall: an instrument need not move in the middle of its port
 
 
 class Design(Struct, frozen=True, eq=False):
@@ -32,9 +34,7 @@ class Design(Struct, frozen=True, eq=False):
     @property
     def expected(self) -> Expected:
         """Where the anatomy should be in the image."""
-        expected, sd, eye = self.prediction.expected, self.prediction.sd, self.prediction.rig.eye
-        sign = -1 if self.prediction.rig.mirrored else 1
-        print_sd_deg = self._along_deg(self.prediction.rig.tolerances.print_mm)
+        expected, sd, angles = self.prediction.expected, self.prediction.sd, self.prediction.angles
         return Expected(
             center_px=vec_of(expected.center_px[0]),
             center_sd_px=vec_of(sd.center_px[0]),
@@ -47,8 +47,8 @@ class Design(Struct, frozen=True, eq=False):
             closeness=float(expected.closeness[0]),
             closeness_sd=float(sd.closeness[0]),
             tilt_sd_deg=float(sd.tilt_deg.max()),
-            ports_deg=tuple(sign * each for each in eye.trocars_deg),
-            ports_sd_deg=math.hypot(float(sd.roll_deg[0]), print_sd_deg),
+            ports_deg=tuple(angle_deg for angle_deg, _ in angles.ports_deg),
+            ports_sd_deg=max(sd_deg for _, sd_deg in angles.ports_deg),
         )
 
     def check_images(self, image: Image, overrides: Overrides, source: str) -> None:
@@ -87,55 +87,60 @@ class Design(Struct, frozen=True, eq=False):
             raise BadInput(f"the rig's images are {seen} ({self.file}); leave --[not-]mirrored out")
         return replace(overrides, diameter_mm=rig.eye.diameter_mm, mirrored=rig.mirrored)
 
-    def completed(self, anatomy: Anatomy) -> Anatomy:
-        """Return the anatomy with the ports that no picture shows, turned with the eye."""
-        roll_deg, _ = self.roll(anatomy)
-        ratio = 1 + self.prediction.rig.eye.wall_mm / self.prediction.rig.eye.diameter_mm
-        unseen = tuple(
-            FoundTrocar(_point_at(anatomy, ratio, angle_deg), angle_deg, None, is_designed=True)
-            for angle_deg in (port_deg + roll_deg for port_deg in self.expected.ports_deg)
-            if all(abs(found.angle_deg - angle_deg) > MIN_SEPARATION_DEG for found in anatomy.trocars)
+    def estimated(self, anatomy: Anatomy) -> Angles:
+        """Estimate the angles of ports and target jointly, from the design and the ports found."""
+        expected = self.expected
+        return self.prediction.angles.given(
+            (expected.port_number(trocar.angle_deg), trocar.angle_deg, self.measured_sd_deg(trocar))
+            for trocar in anatomy.trocars
+            if expected.is_port(trocar.angle_deg)
         )
-        return replace(anatomy, trocars=(*anatomy.trocars, *unseen))
 
-    def placed(self, overrides: Overrides, anatomy: Anatomy) -> Overrides:
+    def completed(self, anatomy: Anatomy, angles: Angles) -> Anatomy:
+        """Return the anatomy with all ports at their estimated angles; where a needle moves, its RCM stays.
+
+        Args:
+            anatomy: What was found.
+            angles: What was `estimated` from it.
+        """
+        expected, eye = self.expected, self.prediction.rig.eye
+        is_port = [expected.is_port(trocar.angle_deg) and not trocar.rcm for trocar in anatomy.trocars]
+        kept = tuple(trocar for trocar, port in zip(anatomy.trocars, is_port, strict=True) if not port)
+        found = {expected.port_number(each.angle_deg) for each in compress(anatomy.trocars, is_port)}
+        distance_px = (1 + eye.wall_mm / eye.diameter_mm) * anatomy.radius_px
+        ports = tuple(
+            FoundTrocar(
+                _point_at(anatomy, distance_px, angle_deg), angle_deg, None, sd_deg, number not in found
+            )
+            for number, (angle_deg, sd_deg) in enumerate(angles.ports_deg)
+            if all(abs(trocar.angle_deg - angle_deg) > MIN_SEPARATION_DEG for trocar in kept)
+        )
+        return replace(anatomy, trocars=(*kept, *ports))
+
+    def placed(self, overrides: Overrides, anatomy: Anatomy, angles: Angles) -> Overrides:
         """Return the overrides with target and trocar in use, unless the user or a needle says otherwise.
 
         Args:
             overrides: What the user stated.
             anatomy: What was found, `completed`.
+            angles: What was `estimated`.
         """
         eye, mirrored = self.prediction.rig.eye, self.prediction.rig.mirrored
-        roll_deg, _ = self.roll(anatomy)
         if overrides.target is None and overrides.target_mm is None:
-            target_deg = eye.target_deg + (roll_deg if mirrored else -roll_deg)
-            overrides = replace(overrides, target_mm=math.radians(target_deg) * eye.diameter_mm / 2)
+            target_deg, _ = angles.target_deg
+            along_rad = math.radians(target_deg if mirrored else -target_deg)
+            overrides = replace(overrides, target_mm=along_rad * eye.diameter_mm / 2)
         if overrides.trocar is not None or any(trocar.rcm for trocar in anatomy.trocars):
             return overrides
-        used_deg = self.expected.ports_deg[0] + roll_deg
-        named = named_trocars(anatomy, mirrored)
+        named, (used_deg, _) = named_trocars(anatomy, mirrored), angles.ports_deg[0]
         name, _ = min(named, key=lambda each: abs(each[1].angle_deg - used_deg))
         return replace(overrides, trocar=name)
 
-    def roll(self, anatomy: Anatomy) -> tuple[float, float]:
-        """Return how far the eye appears turned [deg] and its standard deviation: by tolerances and ports."""
-        expected, prior_sd, port_sd = self.expected, float(self.prediction.sd.roll_deg[0]), self.port_sd_deg
-        offs = [
-            expected.off_port_deg(trocar.angle_deg)
-            for trocar in anatomy.trocars
-            if expected.is_port(trocar.angle_deg) and not trocar.is_designed
-        ]
-        weight = 1 / prior_sd**2 + len(offs) / port_sd**2
-        return sum(offs) / port_sd**2 / weight, math.sqrt(1 / weight)
-
-    @property
-    def port_sd_deg(self) -> float:
-        """Standard deviation of a port's angle as found, against the eye: printed, and seen in the image."""
-        return self._along_deg(math.hypot(self.prediction.rig.tolerances.print_mm, PORT_SD_MM))
-
-    def _along_deg(self, along_mm: float) -> float:
-        """Return the angle at the globe's centre of a length along its wall."""
-        return math.degrees(along_mm / (self.prediction.rig.eye.diameter_mm / 2))
+    def measured_sd_deg(self, trocar: FoundTrocar) -> float:
+        """Standard deviation of a port's angle as found in the image."""
+        if trocar.angle_sd_deg is not None:
+            return trocar.angle_sd_deg
+        return math.degrees(RCM_SD_MM / (self.prediction.rig.eye.diameter_mm / 2))
 
 
 def load_design(file: str) -> Design:
@@ -147,8 +152,7 @@ def load_design(file: str) -> Design:
     return Design(file, predict(load_rig(file)))
 
 
-def _point_at(anatomy: Anatomy, ratio: float, angle_deg: float) -> Vec:
-    """Return a point in the frontal view, at a distance from the globe's centre relative to its radius."""
+def _point_at(anatomy: Anatomy, distance_px: float, angle_deg: float) -> Vec:
+    """Return the point at a distance from the globe's centre, in the frontal view."""
     angle, (x, y) = math.radians(angle_deg), anatomy.center_px
-    distance_px = ratio * anatomy.radius_px
     return x + distance_px * math.sin(angle), y - distance_px * math.cos(angle)

@@ -101,9 +101,11 @@ def register_source(
     anatomy = plausible_anatomy(images, overrides.globe_mm, source, expected=expected, lens=lens)
     has_target = overrides.target is None and overrides.target_mm is None
     report(FINDING, 1, STAGES)
+    seen = anatomy
     if design:
-        anatomy = design.completed(anatomy)
-        overrides = design.placed(overrides, anatomy)
+        angles = design.estimated(seen)
+        anatomy = design.completed(seen, angles)
+        overrides = design.placed(overrides, anatomy, angles)
     above = enters_above(images, anatomy)
     if overrides.trocar is None and above is False:
         raise BadInput(f"{NOT_UPRIGHT}; if it is upright, give --trocar", source)
@@ -121,8 +123,8 @@ def register_source(
     png = registration_picture(anatomy.reference_image, registration, found, uncertainty, anatomy)
     write_files(files, (registration_text(found, title).encode(), png))
     report(FINDING, 3, STAGES)
-    lines = design_lines(design, anatomy, found, has_target=has_target) if design else []
-    if not (design and any(not trocar.is_designed for trocar in anatomy.trocars)):  # which compares them
+    lines = design_lines(design, seen, found, has_target=has_target) if design else []
+    if not (design and seen.trocars):  # which compares them
         lines = [upright_line(anatomy, enters_above=above), *lines]
     return "\n".join(report_lines(anatomy, found, registration, overrides, files, lines))
 

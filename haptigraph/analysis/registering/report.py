@@ -207,9 +207,13 @@ def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, written: TrocarPx, regis
     outside_mm = math.dist(trocar.point_px, anatomy.center_px) * mm - registration.globe.radius_mm
     used = ", in use" if written.used else ""
     x, y = trocar.point_px
+    along = ""
+    if trocar.angle_sd_deg is not None:
+        sd_px = math.radians(trocar.angle_sd_deg) * math.dist(trocar.point_px, anatomy.center_px)
+        along = f", uncertain by {in_px_and_mm(sd_px, mm)} along the wall"
     return (
         f"trocar     {written.name}{used}: ({x:.1f}, {y:.1f}) px, {outside_mm:.2f} mm outside the inner "
-        f"edge, from {trocar_evidence(trocar.rcm, mm, is_designed=trocar.is_designed)}"
+        f"edge, from {trocar_evidence(trocar.rcm, mm, is_designed=trocar.is_designed)}{along}"
     )
 
 

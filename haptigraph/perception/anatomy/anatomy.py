@@ -60,6 +60,8 @@ class FoundTrocar(Struct, frozen=True):
     """From the top, positive to the image's right."""
     rcm: Rcm | None
     """RCM of an instrument that moved in it; None if only the port opening was detected."""
+    angle_sd_deg: float | None = None
+    """Standard deviation, unless there is an RCM."""
     is_designed: bool = False
     """Whether it was not found at all, and has its designed position."""
 
@@ -288,5 +290,5 @@ def _trocars(
     for port_opening in port_openings:
         if all(abs(other.angle_deg - port_opening.angle_deg) > MIN_SEPARATION_DEG for other in found):
             point_px = _point_at(center_px, middle_px, port_opening.angle_deg)
-            found.append(FoundTrocar(point_px, port_opening.angle_deg, None))
+            found.append(FoundTrocar(point_px, port_opening.angle_deg, None, port_opening.angle_sd_deg))
     return tuple(found[:MAX_OPENINGS])

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats
@@ -18,7 +19,9 @@ from haptigraph.registration.tilt import CameraTilt
 
 __all__ = ["Prior", "edge_points", "find_camera_tilt", "fit_circles"]
 
-MIN_DEVIATION_PX = 0.5  # from concentric circles; less may be irregularity of an edge
+MIN_DEVIATION_PX = 0.5  # from concentric circles, before any lens; less may be irregularity of an edge
+MIN_CHI_SQUARE = 13.8  # before a calibrated lens: without a tilt, one picture in 1,000 has more
+FLAT_SD_RAD = 1e-6
 CLOSENESS_PRIOR = (0.15, 0.1)  # mean and standard deviation of globe radius / camera distance
 KNOWN_CLOSENESS_SD = 0.005  # with a calibrated focal length; the rim may lie in front of the section
 MAX_CLOSENESS = 0.5
@@ -68,13 +71,20 @@ def find_camera_tilt(
         return None
     inner, outer = rim.inner, rim.outer
     offset_px = math.dist(inner.center_px, outer.center_px)
-    if max(inner.out_of_round_px, outer.out_of_round_px, offset_px) < MIN_DEVIATION_PX:
+    deviation_px = max(inner.out_of_round_px, outer.out_of_round_px, offset_px)
+    if focal_px is None and deviation_px < MIN_DEVIATION_PX:
         return None
     points = edge_points(inner), edge_points(outer)
     prior = Prior.of(expected, inner.radius_px / focal_px if focal_px else None)
     starts = _initial_guesses(inner, outer, CLOSENESS_PRIOR[0] if focal_px is None else prior.closeness[0])
     fits = [fit_circles(start, points, principal_px, prior) for start in starts]
-    _, best = min(fits, key=lambda fit: fit[0])
+    cost, best = min(fits, key=lambda fit: fit[0])
+    if focal_px is not None:
+        flat = replace(prior, tilt_sd_rad=FLAT_SD_RAD)
+        flat_cost, _ = fit_circles(best * (1, 1, 1, 0, 0, 1, 1), points, principal_px, flat)
+        independent_rays = sum(map(len, points)) / REPEATED_RAYS
+        if (flat_cost - cost) * independent_rays < MIN_CHI_SQUARE * cost:
+            return None
     x, y, radius, right, down, closeness, _ = (float(value) for value in best)
     return CameraTilt((x, y), (right, down), radius / closeness, principal_px)
 

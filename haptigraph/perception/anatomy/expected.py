@@ -1,6 +1,5 @@
 """Where the design of a set-up has the anatomy in the image: a prior for the search [px]."""
 
-import math
 from collections.abc import Sequence
 from itertools import combinations
 
@@ -55,9 +54,13 @@ class Expected(Struct, frozen=True):
         """Return whether two edges may be those of the wall, by the ratio of their radii."""
         return abs(wall_ratio - self.wall_ratio) <= NEAR_SD * self.wall_ratio_sd + WALL_SLACK
 
+    def port_number(self, angle_deg: float) -> int:
+        """Return the number of the port nearest to an angle."""
+        return min(range(len(self.ports_deg)), key=lambda number: abs(angle_deg - self.ports_deg[number]))
+
     def off_port_deg(self, angle_deg: float) -> float:
-        """Return how far an angle is from the nearest port, positive clockwise; infinite without ports."""
-        return min((angle_deg - port_deg for port_deg in self.ports_deg), key=abs, default=math.inf)
+        """Return how far an angle is from the nearest port, positive clockwise."""
+        return angle_deg - self.ports_deg[self.port_number(angle_deg)]
 
     def is_port(self, angle_deg: float) -> bool:
         """Return whether an opening at an angle may be a port."""

@@ -38,6 +38,7 @@ WHITE_GREY = 250
 """Saturated where all colours reach it: a specular highlight or overexposure."""
 
 MIN_CONTRAST_GREY = 4.0
+SHADED_SD_DEG = 0.3  # of the middle of what is visible: an opening is lit from one side
 MAX_OPENINGS = 3
 MAX_DEPTH_RATIO = 0.05  # of an opening, inwards
 PROFILE = (-0.08, 0.03)  # ratios, from the inner edge outwards
@@ -52,6 +53,7 @@ class PortOpening(Struct, frozen=True):
 
     angle_deg: float
     """From the top, positive to the image's right."""
+    angle_sd_deg: float
     inside_px: float | None
     """Distance of its centre from the inner edge, inwards; None if the rim may occlude a part of it."""
 
@@ -64,10 +66,14 @@ def find_port_openings(reference: Image, edge: Edge) -> list[PortOpening]:
         edge: The wall's inner edge.
     """
     color = colored(reference)
-    return [PortOpening(angle, _inside_px(color, edge, angle)) for angle in _angles_deg(color, edge)]
+    return [
+        PortOpening(angle_deg, sd_deg, _inside_px(color, edge, angle_deg))
+        for angle_deg, sd_deg in _angles_deg(color, edge)
+    ]
 
 
-def _angles_deg(color: Image, edge: Edge) -> list[float]:
+def _angles_deg(color: Image, edge: Edge) -> list[tuple[float, float]]:
+    """Return angles and their standard deviations: means, weighted with a contrast that varies by itself."""
     angles_deg = np.arange(-HALF_DEG - AROUND_DEG, HALF_DEG + AROUND_DEG + STEP_DEG, STEP_DEG)
     radii = edge.radii_px(math.pi - np.radians(angles_deg))[:, None]
     rings = (radii * np.linspace(*part, 9) for part in (BAND, BOWL))
@@ -75,18 +81,21 @@ def _angles_deg(color: Image, edge: Edge) -> list[float]:
     half = round(AROUND_DEG / STEP_DEG)
     tone = band.mean(axis=1) - bowl.mean(axis=1)
     around = np.array([np.median(tone[max(i - half, 0) : i + half + 1], axis=0) for i in range(len(tone))])
-    deviation = cv2.blur(tone - around, (1, round(OPENING_DEG / STEP_DEG)))
+    window = np.ones(2 * round(OPENING_DEG / STEP_DEG / 2) + 1)  # odd, or it shifts by half a step
+    deviation = cv2.blur(tone - around, (1, len(window)))
     contrast = _rms(deviation)
     typical = _typical(contrast)
     is_specular = np.maximum(band, bowl).min(axis=2).max(axis=1) >= WHITE_GREY
-    window = np.ones(round(OPENING_DEG / STEP_DEG))
     contrast[(np.abs(angles_deg) > HALF_DEG) | (np.convolve(is_specular, window, "same") > 0)] = 0
-    found: list[float] = []
+    found: list[tuple[float, float]] = []
     min_contrast = max(MIN_CONTRAST_RATIO * typical, MIN_RELATIVE_CONTRAST * float(contrast.max()))
     while len(found) < MAX_OPENINGS and contrast.max() >= min_contrast:
         at = float(angles_deg[contrast.argmax()])
-        weight = contrast * (np.abs(angles_deg - at) < MIN_SEPARATION_DEG / 2)
-        found.append(float((angles_deg * weight).sum() / weight.sum()))
+        near = np.abs(angles_deg - at) < MIN_SEPARATION_DEG / 2
+        weight = contrast[near]
+        mean_deg = float((angles_deg[near] * weight).sum() / weight.sum())
+        lever_deg = math.sqrt(float(np.sum((angles_deg[near] - mean_deg) ** 2)) * OPENING_DEG / STEP_DEG)
+        found.append((mean_deg, math.hypot(typical * lever_deg / float(weight.sum()), SHADED_SD_DEG)))
         contrast[np.abs(angles_deg - at) < MIN_SEPARATION_DEG] = 0
     return found
 

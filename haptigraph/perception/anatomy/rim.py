@@ -25,6 +25,7 @@ VOTING_WIDTH_PX = 400.0
 WALL_RATIO = (1.04, 1.45)  # outer over inner radius
 TYPICAL_WALL_MIDDLE = 1.07
 """Radius of the middle of the wall over that of its inner edge, where the outer edge is not detected."""
+CONCENTRIC_RATIO = 0.1  # circles have one centre if theirs are closer, relative to the radius
 MAX_GAIN = 8.0
 MIN_BRIGHTEST_GREY = 12.0  # of an image's brightest part
 MAX_BLUR_RATIO = 0.03  # of the radius
@@ -85,8 +86,10 @@ def _any_rim(smooth: NDArray[np.float32]) -> Rim:
     edges = [edge for edge in candidates if edge is not None]
     if not edges:
         raise BadInput(f"no eye in the picture: found no circle of at least {MIN_RADIUS_PX:.0f} px in radius")
-    rims = [rim for edge in edges[:2] if (rim := _complete(smooth, edge)) is not None]
-    return max(rims, key=_support, default=None) or Rim(edges[0], None)
+    for some in edges[:2], edges[2:]:
+        if rims := [rim for edge in some if (rim := _complete(smooth, edge)) is not None]:
+            return max(rims, key=_support)
+    return Rim(edges[0], None)
 
 
 def _expected_rim(smooth: NDArray[np.float32], expected: Expected) -> Rim | None:
@@ -187,11 +190,15 @@ def _vote_circles(
 
 
 def _distinct(found: list[tuple[float, float, float, float]]) -> list[tuple[Vec, float]]:
-    """Return the best circles without near duplicates."""
+    """Return the best circles without near duplicates, at most two about one centre: a wall has two edges.
+
+    So a small part with many rings, such as a screw's head, leaves room for the eye.
+    """
     kept: list[tuple[Vec, float]] = []
     for _, x, y, radius in found:
-        near = any(math.hypot(x - c[0], y - c[1]) < 0.04 * r and abs(radius - r) < 0.04 * r for c, r in kept)
-        if not near:
+        apart = [(math.hypot(x - c[0], y - c[1]) / max(r, radius), abs(radius - r) / r) for c, r in kept]
+        is_near = any(off < 0.04 and larger < 0.04 for off, larger in apart)
+        if not is_near and sum(off < CONCENTRIC_RATIO for off, _ in apart) < 2:
             kept.append(((x, y), radius))
     return kept[:4]
 

@@ -87,6 +87,47 @@ def test_nothing_is_assumed_that_the_design_states(tmp_path, sound):
     assert "larger than the section, estimated from the design" in result.output
 
 
+def turned(image: Image, clockwise_deg: float) -> Image:
+    rotation = cv2.getRotationMatrix2D(CENTER_PX, -clockwise_deg, 1.0)
+    return np.asarray(cv2.warpAffine(image, rotation, image.shape[1::-1], borderMode=cv2.BORDER_REPLICATE))
+
+
+def without_opening(image: Image, angle_deg: float) -> Image:
+    hidden = np.zeros(image.shape[:2], np.uint8)
+    cv2.ellipse(hidden, (640, 360), (93, 93), 0, angle_deg - 97, angle_deg - 83, 255, 9)
+    return np.asarray(cv2.inpaint(image, hidden, 3, cv2.INPAINT_TELEA))
+
+
+def angles_deg(file: Path) -> tuple[float, float, float]:
+    """Trocar in use and the other one, clockwise in the image from the top, and the target, from the bottom."""
+    found = load_camera_registration(file)
+    trocars = found.trocar, *found.other_trocars
+    (x_mm, y_mm), ports_mm = found.target.at_mm, [trocar.at_mm for trocar in trocars]
+    used_deg, other_deg = (math.degrees(math.atan2(-right_mm, up_mm)) for right_mm, up_mm in ports_mm)
+    return used_deg, other_deg, math.degrees(math.atan2(x_mm, -y_mm))
+
+
+def test_ports_that_are_found_turn_the_target_as_well(tmp_path, sound):
+    result, output = register(tmp_path, turned(sound, 1.5))
+
+    assert result.exit_code == 0, result.output
+    assert angles_deg(output) == pytest.approx((-34.5, 37.5, 10.5), abs=0.4)
+    assert result.output.count("along the wall") == 2
+    assert "WARNING" not in result.output
+
+
+def test_one_port_turns_the_others_as_far_as_their_turn_is_shared(tmp_path, sound):
+    result, output = register(tmp_path, turned(without_opening(sound, 36), 1.5))
+
+    assert result.exit_code == 0, result.output
+    used_deg, other_deg, target_deg = angles_deg(output)
+    assert used_deg == pytest.approx(-34.8, abs=0.4)
+    assert 0.7 < other_deg - 36 < used_deg + 36
+    assert target_deg - 9 == pytest.approx(other_deg - 36, abs=0.1)
+    assert "right, in use" in result.output and "left: " in result.output
+    assert "from the design: no picture shows it" in result.output
+
+
 def test_without_the_design_the_same_picture_leaves_much_assumed_or_is_refused(tmp_path, sound):
     result, output = register(tmp_path, sound, "--trocar", "578,275", rig=None)
 

@@ -152,6 +152,22 @@ def test_the_rcm_reveals_a_rim_in_front_of_the_section():
     assert found.radius_px == pytest.approx(truth.globe.radius_mm / truth.image.mm_per_px, abs=1.5)
 
 
+def test_the_many_rings_of_a_screw_do_not_distract_from_an_eye_that_is_not_quite_round():
+    scenario = load_scenario("align_then_approach")
+    camera = replace(scenario.camera, tilt_deg=(6.0, 2.0), center_px=(520.0, 340.0), distance_mm=60.0)
+    moment = Phantom(replace(scenario, camera=camera)).advance()
+    assert moment is not None
+    image = moment.image.copy()
+    eye = find_rim(image).inner
+    for radius, grey in ((64, 60), (57, 200), (50, 40), (44, 150)):
+        cv2.circle(image, (1180, 560), radius, (grey, grey, grey), -1, cv2.LINE_AA)
+
+    found = find_rim(image).inner
+
+    assert math.dist(found.center_px, eye.center_px) < 0.2
+    assert found.radius_px == pytest.approx(eye.radius_px, abs=0.2)
+
+
 def test_the_rim_of_a_tilted_view_is_found():
     scene = scene_image("dark")
     flat = cv2.warpAffine(

@@ -11,7 +11,7 @@ from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
 
-def found_tilt(quick: str, tilt_deg: tuple[float, float], distance_mm: float):
+def found_tilt(quick: str, tilt_deg: tuple[float, float], distance_mm: float, is_calibrated: bool = False):
     scenario = load_scenario(quick)
     camera = replace(
         scenario.camera, tilt_deg=tilt_deg, distance_mm=distance_mm, width_px=960, height_px=540,
@@ -20,7 +20,9 @@ def found_tilt(quick: str, tilt_deg: tuple[float, float], distance_mm: float):
     phantom = Phantom(replace(scenario, camera=camera))
     moment = phantom.advance()
     assert moment is not None
-    return find_camera_tilt(find_rim(moment.image), (479.5, 269.5)), phantom.camera.geometry
+    focal_px = 16.0 * distance_mm if is_calibrated else None
+    rim, geometry = find_rim(moment.image), phantom.camera.geometry
+    return find_camera_tilt(rim, (479.5, 269.5), focal_px=focal_px), geometry
 
 
 @pytest.mark.parametrize(
@@ -47,3 +49,15 @@ def test_tilt_and_centre_are_found(quick, tilt_deg, distance_mm):
 def test_a_frontal_view_has_no_tilt(quick):
     tilt, _ = found_tilt(quick, (0.0, 0.0), 60.0)
     assert tilt is None
+
+
+def test_a_calibrated_lens_makes_a_smaller_tilt_measurable(quick):
+    tilt_deg = (1.2, 0.6)
+    assert found_tilt(quick, tilt_deg, 45.0)[0] is None
+    tilt, truth = found_tilt(quick, tilt_deg, 45.0, is_calibrated=True)
+    assert [math.degrees(part) for part in tilt.tilt_rad] == pytest.approx(tilt_deg, abs=0.4)
+    assert math.dist(tilt.about_px, truth.to_px((0.0, 0.0))) < 0.5
+
+
+def test_a_frontal_view_has_no_tilt_before_a_calibrated_lens_either(quick):
+    assert found_tilt(quick, (0.0, 0.0), 60.0, is_calibrated=True)[0] is None

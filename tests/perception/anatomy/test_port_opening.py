@@ -14,7 +14,7 @@ from haptigraph.sim.scenario import load_scenario
 
 def first_image(style: str, rim_mm: float, distance_mm: float):
     scenario = load_scenario("align_then_approach")
-    phantom = Phantom(
+    return shown(
         replace(
             scenario,
             eye=replace(scenario.eye, rim_mm=rim_mm),
@@ -22,7 +22,10 @@ def first_image(style: str, rim_mm: float, distance_mm: float):
             appearance=replace(scenario.appearance, style=style),
         )
     )
-    moment = phantom.advance()
+
+
+def shown(scenario):
+    moment = Phantom(scenario).advance()
     assert moment is not None
     return moment.image
 
@@ -52,3 +55,29 @@ def test_a_specular_highlight_is_no_port_opening():
     image[spot > 0] = 255
     openings = find_port_openings(image, find_rim(image).inner)
     assert sorted(opening.angle_deg for opening in openings) == pytest.approx([-36, 36], abs=1)
+
+
+def test_openings_in_the_mirrored_image_are_at_the_mirrored_angles():
+    image = first_image("dark", 0.0, 250.0)
+    mirrored = np.ascontiguousarray(image[:, ::-1])
+
+    found, again = (find_port_openings(each, find_rim(each).inner) for each in (image, mirrored))
+
+    assert [-each.angle_deg for each in again] == pytest.approx([each.angle_deg for each in found], abs=0.03)
+
+
+@pytest.mark.parametrize("noise_grey", [3.0, 9.0])
+def test_an_opening_that_hardly_shows_is_more_uncertain(noise_grey):
+    image = first_image("dark", 0.0, 250.0)
+    inner = find_rim(image).inner
+    noise = np.random.default_rng(5).normal(0, noise_grey, image.shape)
+    pale = np.clip(image / 4 + 100 + cv2.GaussianBlur(noise, (0, 0), 3) * 3, 0, 255).astype(np.uint8)
+
+    clear, faint = (find_port_openings(each, inner) for each in (image, pale))
+
+    assert len(clear) == len(faint) == 2
+    for one, other in zip(
+        *(sorted(each, key=lambda each: each.angle_deg) for each in (clear, faint)), strict=True
+    ):
+        assert other.angle_sd_deg > one.angle_sd_deg
+        assert abs(other.angle_deg - one.angle_deg) < 3 * other.angle_sd_deg
