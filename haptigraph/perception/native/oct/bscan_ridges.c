@@ -10,6 +10,7 @@
 #define STRIP_LANES (2 * FLANK_STEPS + 1)
 #define TURN 0.0131 /* tangent of half the angle between two directions, 1.5 degrees */
 #define MAX_DIRECTIONS 120
+#define TURNS 3  /* of the coarse strip of a line, until it lies along the ridge */
 #define FITS 2   /* lines that are refined before the search ends without a ridge */
 #define BESIDE 2 /* directions, and cells, in which a weaker line counts as the same */
 #define FLANK_START 7
@@ -256,7 +257,7 @@ static int fit_ridge(const Samples *samples, const RidgeSearch *search, int fits
 /* Refine a line to the centre of its ridge, coarse first. Return whether there is a ridge. */
 static int refine(const Picture *picture, const RidgeSearch *search, int longest, RidgeLine *line,
                   Samples *samples, float *kept, int32_t *on_ridge, double *middle) {
-    for (int every = 3; every > 0; every -= 2) {
+    for (int every = 3, turns = 0; every > 0;) {
         Direction along = {line->along_px[0], line->along_px[1]};
         const int length = length_of(line->start_px, along, picture, search->step_px);
         samples->every = every;
@@ -268,7 +269,10 @@ static int refine(const Picture *picture, const RidgeSearch *search, int longest
         double fit[3];
         const int last = fit_ridge(samples, search, every == 1 ? 3 : 1, on_ridge, middle, fit);
         if (last < 0) return 0;
+        const double moved = maximum(fabs(fit[0]), fabs(fit[0] + fit[1] * last));
         longest = last + search->beyond;
+        if (every == 1 || moved <= CORE_STEPS / 2.0 || ++turns == TURNS)
+            every -= 2; /* else the strip may have lost the ridge at its far end */
         const double x = line->start_px[0] - fit[0] * search->step_px * along.dy;
         const double y = line->start_px[1] + fit[0] * search->step_px * along.dx;
         const double length_of_turn = sqrt(1 + fit[1] * fit[1]);

@@ -60,7 +60,8 @@ static int is_candidate(const float *contrast, const float *brighter, const Ridg
     candidate->side = copysign(1, line->along_px[0]);
     candidate->evidence = 0;
     for (int at = 0; at < end; at++) candidate->evidence += maximum(contrast[at], 0);
-    return candidate->shaft.share >= search->min_ridge_share;
+    return candidate->shaft.share >= search->min_ridge_share &&
+           candidate->shaft.typical_grey > search->min_contrast_grey;
 }
 
 /* Return the row at which a line crosses a column. */
