@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, Mask
 from haptigraph.perception.native.bscan_needle import ShaftSearch, SurfacePair, find_shaft
-from haptigraph.perception.oct.bevel import drop_in_tissue, drop_in_vitreous
+from haptigraph.perception.oct.bevel import Drop, drop_in_tissue, drop_in_vitreous
 from haptigraph.perception.oct.ridge import Ridge, ridge_search
 from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage
 from haptigraph.perception.oct.shadow import Edge, find_shadow_edge
@@ -63,6 +63,8 @@ class NeedleConstants(NamedTuple):
     """Lateral; more uncertain is the edge of a shadow that begins in tissue."""
     near_mm: float = 0.06
     """From the shadow's edge to the end of the metal."""
+    certain_mm: float = 0.016
+    """Lateral; where the edge is less certain, a spot below the line may not be in the tip's column."""
     beyond_tip_mm: float = 0.035
     """The metal's brightness ends so far beyond the tip at most."""
     bright_share: float = 0.35
@@ -178,6 +180,8 @@ def _at_edge(scan: ScanImage, shaft: Shaft, edge: Edge, on_line: Vec, ilm_y: flo
         in_metal, at = _within_metal(shaft, edge) if is_clear else (edge, on_line)
         is_earlier = 0 < ridge.side * (x - at[0]) <= CONSTANTS.agreeing_sds * edge.sd_px
         drop = drop_in_vitreous(scan, at if is_earlier else on_line, ilm_y, shaft.typical_grey)
+        if edge.sd_px * scan.scale.lateral_mm > CONSTANTS.certain_mm:
+            drop = Drop(0.0, max(drop.sd_rows, drop.rows / 2))
         if is_earlier or not drop.rows:
             edge, (x, y) = in_metal, at
     else:

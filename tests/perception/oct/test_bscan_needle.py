@@ -124,6 +124,17 @@ def test_above_the_retina_the_tip_is_exact_beside(number, seed, fixed):
     assert math.dist(image.to_px(tip.at_mm), scan.truth.needle.tip_px) <= 3
 
 
+def test_a_floater_below_a_soft_edge_is_not_the_tip_but_makes_it_less_certain():
+    scene = random_scene(18, 5003, signal_db=3.0)
+    perceive, image = perceiver_of(scene)
+    scan = scene.take()
+    observation = perceive(Capture(0, 0, scan.image))
+    tip_mm = observation.found["needle_tip"].at_mm
+    error_mm = math.dist(tip_mm, image.to_mm(scan.truth.needle.tip_px))
+    assert error_mm < 0.03
+    assert error_mm < observation.certainty.tip_sd_mm
+
+
 def test_a_line_across_a_short_shaft_is_not_reported():
     scene = random_scene(0, 2023, vessels=8, vessel_db=14.0)
     perceive, image = perceiver_of(scene)
