@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, Mask
@@ -198,12 +197,11 @@ def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec]:
     light passes is a floater. An edge far beyond the metal is that of another shadow.
     """
     ridge, contrast = shaft.ridge, shaft.ridge.line.contrast_grey
-    at, near = ridge.steps_at_column(edge.x_px), round(CONSTANTS.near_mm / STEP_MM)
-    bright, column_px = _bright_steps(shaft, edge), abs(ridge.line.along_px[0]) * ridge.step_px
-    if not len(bright):
+    at, column_px = ridge.steps_at_column(edge.x_px), abs(ridge.line.along_px[0]) * ridge.step_px
+    end = _last_bright(shaft, at)
+    if end < 0:
         return edge, ridge.at_px(at)
-    end = int(bright[-1])
-    run = max(end - near, 0)
+    run = max(end - round(CONSTANTS.near_mm / STEP_MM), 0)
     half_grey = float(contrast[run : end + 1].max()) / 2
     while end + 1 < len(contrast) and contrast[end + 1] > half_grey:
         end += 1
@@ -215,16 +213,16 @@ def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec]:
     return edge._replace(sd_px=max(edge.sd_px, moved_px / 2)), ridge.at_px(inside)
 
 
-def _bright_steps(shaft: Shaft, edge: Edge) -> NDArray[np.intp]:
-    """Return the steps along a shaft, to just beyond the shadow's edge, that are as bright as metal."""
-    at = shaft.ridge.steps_at_column(edge.x_px) + CONSTANTS.near_mm / STEP_MM
-    part = shaft.ridge.line.contrast_grey[: max(round(at) + 1, 0)]
-    return np.flatnonzero(part > CONSTANTS.bright_share * shaft.typical_grey)
+def _last_bright(shaft: Shaft, at_steps: float) -> int:
+    """Return the last step, to just beyond the shadow's edge, that is as bright as metal; -1 if none is."""
+    stop = max(round(at_steps + CONSTANTS.near_mm / STEP_MM) + 1, 0)
+    back = shaft.ridge.line.contrast_grey[:stop][::-1] > CONSTANTS.bright_share * shaft.typical_grey
+    return len(back) - 1 - int(back.argmax()) if back.any() else -1
 
 
 def _has_metal(shaft: Shaft, edge: Edge) -> bool:
-    bright, at = _bright_steps(shaft, edge), shaft.ridge.steps_at_column(edge.x_px)
-    return len(bright) > 0 and bool(bright[-1] >= at - CONSTANTS.near_mm / STEP_MM)
+    at = shaft.ridge.steps_at_column(edge.x_px)
+    return _last_bright(shaft, at) >= max(at - CONSTANTS.near_mm / STEP_MM, 0)
 
 
 def _visible_end(scan: ScanImage, shaft: Shaft) -> Needle:
