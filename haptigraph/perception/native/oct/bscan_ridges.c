@@ -134,8 +134,8 @@ static inline void sample_within(const Picture *picture, int32_t x, int32_t y, i
 }
 
 /* Sample the image along a line, averaged along it, and write core and sides of each station. */
-VECTORS static void sample_strip(const Picture *picture, const double *start_px, Direction along, double step_px,
-                         Samples *samples) {
+VECTORS static void sample_strip(const Picture *picture, const double *start_px, Direction along,
+                                 double step_px, Samples *samples) {
     const double whole = 65536 * step_px;
     const int32_t across_x = (int32_t)(-along.dy * whole), across_y = (int32_t)(along.dx * whole);
     float *lanes = samples->lanes;
