@@ -291,7 +291,7 @@ def draw(results: dict[tuple[str, str], Errors], pooled: Errors, perceiver: str,
         axes.grid(axis="x", alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
     axes.invert_yaxis()
-    axes.legend(loc="lower right", fontsize=8)
+    sheet.legend(*axes.get_legend_handles_labels(), loc="outside lower right", ncols=2, fontsize=8)
     sheet.suptitle(f"{perceiver} on simulated B-scans; red: required median (solid) and 95 % (dashed)")
     sheet.savefig(output, dpi=130)
 

@@ -62,7 +62,7 @@ _EDGE_SEARCH = LIBRARY.layout(
     "EdgeSearch",
     ("d", "start_px along_px end_x margin_px window_px max_distance_px"),
     ("d", "thick_rows most_rows below_rows below_shaft_rows deep_rows below_rpe_rows"),
-    *(("d", "min_contrast_grey level rise_share"), ("i", "slope_columns run half")),
+    *(("d", "min_contrast_grey halved_grey rise_share"), ("i", "slope_columns run half")),
 )
 
 _find_shaft = LIBRARY.function("find_shaft", "piippppippp", ctypes.c_int)
@@ -119,7 +119,7 @@ class EdgeSearch(NamedTuple):
     deep_rows: float
     below_rpe_rows: float
     min_contrast_grey: float
-    level: float
+    halved_grey: float
     rise_share: float
     slope_columns: int
     run: int

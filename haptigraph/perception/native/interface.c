@@ -80,7 +80,7 @@ EXPORT const Entry entries[] = {
 #define F(field) FIELD(EdgeSearch, field)
     SIZE(EdgeSearch), F(start_px), F(along_px), F(end_x), F(margin_px), F(window_px), F(max_distance_px),
     F(thick_rows), F(most_rows), F(below_rows), F(below_shaft_rows), F(deep_rows), F(below_rpe_rows),
-    F(min_contrast_grey), F(level), F(rise_share), F(slope_columns), F(run), F(half),
+    F(min_contrast_grey), F(halved_grey), F(rise_share), F(slope_columns), F(run), F(half),
 #undef F
 #define F(field) FIELD(Columns, field)
     SIZE(Columns), F(x_px), F(row_px), F(sd_px), F(is_visible), F(count),

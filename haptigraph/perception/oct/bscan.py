@@ -66,6 +66,8 @@ def _brightest_beside(scan: ScanImage, surfaces: Surfaces) -> float:
 
 def _layers(scan: ScanImage, surfaces: Surfaces) -> Layers:
     """Return the surfaces in pixels of the scan."""
+    if scan.averaged_px == 1:
+        return Layers(*surfaces[:7])
     factor, half = scan.averaged_px, (scan.averaged_px - 1) / 2
     return Layers(
         factor * surfaces.x_px + half,

@@ -10,12 +10,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, Mask
 from haptigraph.perception.native.bscan_needle import ShaftSearch, SurfacePair, find_shaft
-from haptigraph.perception.oct.bevel import drop_in_tissue, drop_in_vitreous
+from haptigraph.perception.oct.bevel import Drop, drop_in_tissue, drop_in_vitreous
 from haptigraph.perception.oct.ridge import Ridge, ridge_search
 from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage
 from haptigraph.perception.oct.shadow import Edge, find_shadow_edge
@@ -63,8 +62,14 @@ class NeedleConstants(NamedTuple):
     """Lateral; more uncertain is the edge of a shadow that begins in tissue."""
     near_mm: float = 0.06
     """From the shadow's edge to the end of the metal."""
+    certain_mm: float = 0.016
+    """Lateral; where the edge is less certain, a spot below the line may not be in the tip's column."""
     beyond_tip_mm: float = 0.035
     """The metal's brightness ends so far beyond the tip at most."""
+    bright_share: float = 0.35
+    """Of the typical contrast, for metal before the shadow's edge."""
+    agreeing_sds: int = 4
+    """Of the shadow's edge, by which the metal's end may move the tip."""
     end_sd_mm: float = 0.03
     """Of the end of a ridge whose shadow falls on no tissue."""
 
@@ -170,9 +175,14 @@ def _at_edge(scan: ScanImage, shaft: Shaft, edge: Edge, on_line: Vec, ilm_y: flo
     ridge, (x, y) = shaft.ridge, on_line
     slope = abs(ridge.line.along_px[1] / (ridge.line.along_px[0] or 1e-9))
     if y < ilm_y:
-        drop = drop_in_vitreous(scan, on_line, ilm_y, shaft.typical_grey)
-        if not drop.rows and y < ilm_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm:
-            edge, (x, y) = _within_metal(shaft, edge)
+        is_clear = y < ilm_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm
+        in_metal, at = _within_metal(shaft, edge) if is_clear else (edge, on_line)
+        is_earlier = 0 < ridge.side * (x - at[0]) <= CONSTANTS.agreeing_sds * edge.sd_px
+        drop = drop_in_vitreous(scan, at if is_earlier else on_line, ilm_y, shaft.typical_grey)
+        if edge.sd_px * scan.scale.lateral_mm > CONSTANTS.certain_mm:
+            drop = Drop(0.0, max(drop.sd_rows, drop.rows / 2))
+        if is_earlier or not drop.rows:
+            edge, (x, y) = in_metal, at
     else:
         drop = drop_in_tissue(scan, on_line, ridge.side)
         edge = edge._replace(sd_px=math.hypot(edge.sd_px, CONSTANTS.tissue_sd_mm / scan.scale.lateral_mm))
@@ -183,35 +193,36 @@ def _at_edge(scan: ScanImage, shaft: Shaft, edge: Edge, on_line: Vec, ilm_y: flo
 def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec]:
     """Return an edge, and the tip on the shaft's line, where the metal's brightness allows both.
 
-    The tip is not beyond the end of the bright metal, and not much before it.
+    The tip is not beyond the end of the bright metal, and not much before it. What is bright where
+    light passes is a floater. An edge far beyond the metal is that of another shadow.
     """
     ridge, contrast = shaft.ridge, shaft.ridge.line.contrast_grey
-    at, near = ridge.steps_at_column(edge.x_px), round(CONSTANTS.near_mm / STEP_MM)
-    bright, column_px = _bright_steps(shaft, edge), abs(ridge.line.along_px[0]) * ridge.step_px
-    if not len(bright):
-        sd_px = max(edge.sd_px, abs(at - shaft.end_steps) * column_px / 2)
-        return edge._replace(sd_px=sd_px), ridge.at_px(at)
-    end = int(bright[-1])
-    run = max(end - near, 0)
+    at, column_px = ridge.steps_at_column(edge.x_px), abs(ridge.line.along_px[0]) * ridge.step_px
+    end = _last_bright(shaft, at)
+    if end < 0:
+        return edge, ridge.at_px(at)
+    run = max(end - round(CONSTANTS.near_mm / STEP_MM), 0)
     half_grey = float(contrast[run : end + 1].max()) / 2
     while end + 1 < len(contrast) and contrast[end + 1] > half_grey:
         end += 1
-    inside = min(max(at, end - CONSTANTS.beyond_tip_mm / STEP_MM), end)
+    beyond = CONSTANTS.beyond_tip_mm / STEP_MM
+    inside = min(max(at, end - beyond), end)
     moved_px = abs(inside - at) * column_px
+    if moved_px > CONSTANTS.agreeing_sds * edge.sd_px:  # they disagree
+        inside = at if at < inside else end - beyond / 2
     return edge._replace(sd_px=max(edge.sd_px, moved_px / 2)), ridge.at_px(inside)
 
 
-def _bright_steps(shaft: Shaft, edge: Edge) -> NDArray[np.intp]:
-    """Return the steps along a shaft near the shadow's edge that are as bright as metal."""
-    contrast = shaft.ridge.line.contrast_grey
-    at, near = shaft.ridge.steps_at_column(edge.x_px), round(CONSTANTS.near_mm / STEP_MM)
-    first = max(round(at) - near, 0)
-    part = contrast[first : max(round(at) + near + 1, 0)]
-    return first + np.flatnonzero(part > shaft.typical_grey / 2)
+def _last_bright(shaft: Shaft, at_steps: float) -> int:
+    """Return the last step, to just beyond the shadow's edge, that is as bright as metal; -1 if none is."""
+    stop = max(round(at_steps + CONSTANTS.near_mm / STEP_MM) + 1, 0)
+    back = shaft.ridge.line.contrast_grey[:stop][::-1] > CONSTANTS.bright_share * shaft.typical_grey
+    return len(back) - 1 - int(back.argmax()) if back.any() else -1
 
 
 def _has_metal(shaft: Shaft, edge: Edge) -> bool:
-    return len(_bright_steps(shaft, edge)) > 0
+    at = shaft.ridge.steps_at_column(edge.x_px)
+    return _last_bright(shaft, at) >= max(at - CONSTANTS.near_mm / STEP_MM, 0)
 
 
 def _visible_end(scan: ScanImage, shaft: Shaft) -> Needle:

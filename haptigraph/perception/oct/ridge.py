@@ -5,6 +5,7 @@ both of its sides, unlike the edge of a layer. Its shadow decides whether it is 
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 from haptigraph.geometry import Vec
@@ -14,7 +15,7 @@ from haptigraph.perception.native.bscan_needle import (
     RidgeLine,
     RidgeSearch,
 )
-from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage
+from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage, ScanScale
 
 __all__ = ["Ridge", "RidgeConstants", "ridge_search"]
 
@@ -39,7 +40,7 @@ class RidgeConstants(NamedTuple):
     inlier_mm: float = 0.0075
     """From the line, of the ridge's centre."""
     gap_mm: float = 0.12
-    run_mm: float = 0.2
+    run_mm: float = 0.14
     """A longer gap ends a ridge, after a run of this length."""
     beyond_mm: float = 0.45
     """Kept beyond the end of a ridge."""
@@ -76,23 +77,32 @@ def ridge_search(scan: ScanImage, dark_grey: float) -> RidgeSearch:
         scan: The B-scan.
         dark_grey: Largest grey value beside a needle.
     """
-    (across, down), scale = scan.cell_px, scan.scale
-    step_px = STEP_MM / scale.mean_mm
-    core_px = max(ALONG_STEPS * CORE_STEPS * step_px**2, 1.0)
+    limits, sd_grey = _limits(scan.scale, *scan.cell_px), scan.pixel_sd_grey
+    core_px = max(ALONG_STEPS * CORE_STEPS * limits.step_px**2, 1.0)
 
     def least_grey(averaged_px: float) -> float:
-        noise_grey = scan.pixel_sd_grey / math.sqrt(averaged_px)
-        return max(CONSTANTS.min_contrast_grey, CONSTANTS.min_contrast_sd * noise_grey)
+        return max(CONSTANTS.min_contrast_grey, CONSTANTS.min_contrast_sd * sd_grey / math.sqrt(averaged_px))
+
+    return limits._replace(
+        dark_grey=dark_grey,
+        mask_grey=least_grey(4 * limits.across * limits.down),
+        strip_grey=least_grey(core_px),
+    )
+
+
+@lru_cache
+def _limits(scale: ScanScale, across: int, down: int) -> RidgeSearch:
+    """Return the limits for cells of so many pixels, those of grey still 0."""
 
     def steps(length_mm: float) -> int:
         return round(length_mm / STEP_MM)
 
     aspect = scale.lateral_mm / scale.axial_mm
     return RidgeSearch(
-        step_px=step_px,
-        dark_grey=dark_grey,
-        mask_grey=least_grey(4 * across * down),
-        strip_grey=least_grey(core_px),
+        step_px=STEP_MM / scale.mean_mm,
+        dark_grey=0.0,
+        mask_grey=0.0,
+        strip_grey=0.0,
         lowest_slope=math.tan(math.radians(CONSTANTS.lowest_deg)) * aspect,
         highest_slope=math.tan(math.radians(CONSTANTS.highest_deg)) * aspect,
         inlier_steps=CONSTANTS.inlier_mm / STEP_MM,

@@ -19,7 +19,7 @@ class ShadowConstants(NamedTuple):
     margin_mm: float = 0.11
     """The shadow's soft edge beside the shaft's end."""
     window_mm: float = 0.37
-    """Searched on either side of the first visible tissue."""
+    """Searched beyond visible tissue, from the shaft's end on."""
     thick_mm: float = 0.35
     """Axial depth of the retina where its floor is not visible."""
     max_distance_mm: float = 1.5
@@ -41,8 +41,9 @@ class ShadowConstants(NamedTuple):
     run_mm: float = 0.062
     smooth_mm: float = 0.025
     min_contrast_grey: float = 22.0
-    level: float = 0.62
-    """Between dark and bright, in decibels, where half of the light passes each way."""
+    halved_grey: float = 50.0
+    """Where half of the light passes each way, a contrast c falls to c / (c + this) of it: grey values are
+    logarithmic, some 5 a decibel, and the noise stays."""
     rise_share: float = 0.8
     sd_mm: float = 0.0032
     """Smallest standard deviation of the edge."""
@@ -87,7 +88,7 @@ def find_shadow_edge(
         deep_rows=(CONSTANTS.shallow_mm if shallow else CONSTANTS.deep_mm) / axial_mm,
         below_rpe_rows=CONSTANTS.below_rpe_mm / axial_mm,
         min_contrast_grey=CONSTANTS.min_contrast_grey,
-        level=CONSTANTS.level,
+        halved_grey=CONSTANTS.halved_grey,
         rise_share=CONSTANTS.rise_share,
         slope_columns=max(3, round(CONSTANTS.slope_mm / lateral_mm / scan.column_px)),
         run=max(3, round(CONSTANTS.run_mm / lateral_mm)),

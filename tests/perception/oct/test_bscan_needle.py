@@ -105,6 +105,45 @@ def test_above_the_retina_the_tip_is_exact_and_the_line_runs_along_the_shaft(sco
         assert max(line_distance_px(one.observation, one.image, point) for point in visible) <= 1
 
 
+@pytest.mark.parametrize(
+    ("number", "seed", "fixed"),
+    [
+        pytest.param(6, 3, {"place": "above"}, id="dim tissue beside the shadow"),
+        pytest.param(24, 3, {"place": "above"}, id="a floater in line with the shaft"),
+        pytest.param(55, 23, {"vessels": 8, "vessel_db": 14.0}, id="a vessel that parts the tissue"),
+        pytest.param(30, 3, {"place": "above"}, id="bright tissue behind a soft edge"),
+        pytest.param(30, 3033, {"bevel_px": 45.0, "gap_db": 20.0}, id="a small spot after a long gap"),
+        pytest.param(54, 1033, {"signal_db": -6.0}, id="noise"),
+    ],
+)
+def test_above_the_retina_the_tip_is_exact_beside(number, seed, fixed):
+    scene = random_scene(number, seed, **fixed)
+    perceive, image = perceiver_of(scene)
+    scan = scene.take()
+    tip = perceive(Capture(0, 0, scan.image)).found["needle_tip"]
+    assert math.dist(image.to_px(tip.at_mm), scan.truth.needle.tip_px) <= 3
+
+
+def test_a_floater_below_a_soft_edge_is_not_the_tip_but_makes_it_less_certain():
+    scene = random_scene(18, 5003, signal_db=3.0)
+    perceive, image = perceiver_of(scene)
+    scan = scene.take()
+    observation = perceive(Capture(0, 0, scan.image))
+    tip_mm = observation.found["needle_tip"].at_mm
+    error_mm = math.dist(tip_mm, image.to_mm(scan.truth.needle.tip_px))
+    assert error_mm < 0.03
+    assert error_mm < observation.certainty.tip_sd_mm
+
+
+def test_a_line_across_a_short_shaft_is_not_reported():
+    scene = random_scene(0, 2023, vessels=8, vessel_db=14.0)
+    perceive, image = perceiver_of(scene)
+    scan = scene.take()
+    observation = perceive(Capture(0, 0, scan.image))
+    if "needle_line" in observation.found:
+        assert line_distance_px(observation, image, scan.truth.needle.tip_px) <= 3
+
+
 @pytest.mark.parametrize("before_px", mostly_slow([0, 8, 20], 8))
 @pytest.mark.parametrize("drop_px", mostly_slow([15, 30, 45], 30))
 def test_a_bevel_in_two_parts_is_joined_and_leaves_the_line_on_the_shaft(drop_px, before_px):

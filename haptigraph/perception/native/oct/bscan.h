@@ -102,7 +102,7 @@ typedef struct {
     double start_px[2], along_px[2], end_x; /* of the shaft; direction; end of its continuous part */
     double margin_px, window_px, max_distance_px;
     double thick_rows, most_rows, below_rows, below_shaft_rows, deep_rows, below_rpe_rows;
-    double min_contrast_grey, level, rise_share;
+    double min_contrast_grey, halved_grey, rise_share;
     int slope_columns, run, half;
 } EdgeSearch;
 

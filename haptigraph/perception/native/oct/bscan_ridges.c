@@ -10,6 +10,7 @@
 #define STRIP_LANES (2 * FLANK_STEPS + 1)
 #define TURN 0.0131 /* tangent of half the angle between two directions, 1.5 degrees */
 #define MAX_DIRECTIONS 120
+#define TURNS 3  /* of the coarse strip of a line, until it lies along the ridge */
 #define FITS 2   /* lines that are refined before the search ends without a ridge */
 #define BESIDE 2 /* directions, and cells, in which a weaker line counts as the same */
 #define FLANK_START 7
@@ -118,15 +119,23 @@ static inline int is_within(const Picture *picture, int32_t x, int32_t y) {
     return (x >= 0) & (y >= 0) & (x >> 16 < picture->width - 1) & (y >> 16 < picture->height - 1);
 }
 
-/* Return the image between pixels that it has. */
-static inline float pixel_within(const uint8_t *image, int width, int32_t x, int32_t y) {
-    const uint8_t *above = image + (ptrdiff_t)(y >> 16) * width + (x >> 16);
-    return grey_between(above, above + width, 0, 1, x, y);
+/* Write the image between pixels that it has, at equal steps; reading first lets the rest be vectors. */
+static inline void sample_within(const Picture *picture, int32_t x, int32_t y, int32_t step_x, int32_t step_y,
+                                 float *lanes) {
+    uint8_t upper[STRIP_LANES][2], lower[STRIP_LANES][2];
+    for (int lane = 0; lane < STRIP_LANES; lane++) {
+        const int32_t row = (y + lane * step_y) >> 16, column = (x + lane * step_x) >> 16;
+        const uint8_t *pixel = picture->image + (ptrdiff_t)row * picture->width + column;
+        memcpy(upper[lane], pixel, 2);
+        memcpy(lower[lane], pixel + picture->width, 2);
+    }
+    for (int lane = 0; lane < STRIP_LANES; lane++)
+        lanes[lane] = grey_between(upper[lane], lower[lane], 0, 1, x + lane * step_x, y + lane * step_y);
 }
 
 /* Sample the image along a line, averaged along it, and write core and sides of each station. */
-static void sample_strip(const Picture *picture, const double *start_px, Direction along, double step_px,
-                         Samples *samples) {
+VECTORS static void sample_strip(const Picture *picture, const double *start_px, Direction along,
+                                 double step_px, Samples *samples) {
     const double whole = 65536 * step_px;
     const int32_t across_x = (int32_t)(-along.dy * whole), across_y = (int32_t)(along.dx * whole);
     float *lanes = samples->lanes;
@@ -136,8 +145,7 @@ static void sample_strip(const Picture *picture, const double *start_px, Directi
         int32_t y = (int32_t)(65536 * (start_px[1] + at * along.dy)) - FLANK_STEPS * across_y;
         const int last = STRIP_LANES - 1;
         if (is_within(picture, x, y) && is_within(picture, x + last * across_x, y + last * across_y))
-            for (int lane = 0; lane < STRIP_LANES; lane++, x += across_x, y += across_y)
-                lanes[lane] = pixel_within(picture->image, picture->width, x, y);
+            sample_within(picture, x, y, across_x, across_y, lanes);
         else
             for (int lane = 0; lane < STRIP_LANES; lane++, x += across_x, y += across_y)
                 lanes[lane] = pixel_between(picture, x, y);
@@ -256,7 +264,7 @@ static int fit_ridge(const Samples *samples, const RidgeSearch *search, int fits
 /* Refine a line to the centre of its ridge, coarse first. Return whether there is a ridge. */
 static int refine(const Picture *picture, const RidgeSearch *search, int longest, RidgeLine *line,
                   Samples *samples, float *kept, int32_t *on_ridge, double *middle) {
-    for (int every = 3; every > 0; every -= 2) {
+    for (int every = 3, turns = 0; every > 0;) {
         Direction along = {line->along_px[0], line->along_px[1]};
         const int length = length_of(line->start_px, along, picture, search->step_px);
         samples->every = every;
@@ -268,7 +276,10 @@ static int refine(const Picture *picture, const RidgeSearch *search, int longest
         double fit[3];
         const int last = fit_ridge(samples, search, every == 1 ? 3 : 1, on_ridge, middle, fit);
         if (last < 0) return 0;
+        const double moved = maximum(fabs(fit[0]), fabs(fit[0] + fit[1] * last));
         longest = last + search->beyond;
+        if (every == 1 || moved <= CORE_STEPS / 2.0 || ++turns == TURNS)
+            every -= 2; /* else the strip may have lost the ridge at its far end */
         const double x = line->start_px[0] - fit[0] * search->step_px * along.dy;
         const double y = line->start_px[1] + fit[0] * search->step_px * along.dx;
         const double length_of_turn = sqrt(1 + fit[1] * fit[1]);
@@ -398,7 +409,8 @@ int find_ridges(const uint8_t *image, int width, int height, const Grid *grid, c
                 const int32_t *limit_row, int room, RidgeLine *lines, float *contrast, float *brighter) {
     const Picture picture = {image, width, height};
     const size_t cells = (size_t)grid->columns * (size_t)grid->rows, length = (size_t)room;
-    const size_t offsets = 2 * (size_t)(grid->columns + grid->rows) + 3;
+    const double diagonal = sqrt(square(grid->columns) + square(grid->rows));
+    const size_t offsets = 2 * (size_t)diagonal + 5;
     const size_t counts = offsets * MAX_DIRECTIONS;
     char *memory = malloc(length * (8 + 4 * (2 * STRIP_LANES + 4)) + cells * 13 + counts * 2);
     if (!memory) return -1;

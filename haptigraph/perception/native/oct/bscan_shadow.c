@@ -82,7 +82,7 @@ static int range_of(const Surface *ilm, const Surface *rpe, const EdgeSearch *se
             furthest = maximum(furthest, ahead);
     }
     if (!(nearest <= search->max_distance_px)) return 0;
-    const double near = search->end_x + side * maximum(nearest - search->window_px, -search->margin_px);
+    const double near = search->end_x - side * search->margin_px;
     const double far = search->end_x + side * (maximum(nearest, furthest) + search->window_px);
     *first = clamped(minimum(near, far) + 0.5, 0, width);
     return clamped(maximum(near, far) + 1.5, *first, width) - *first;
@@ -141,7 +141,8 @@ static double first_rise(const double *profile, int count, const EdgeSearch *sea
     double bright = 0;
     for (int at = first + run / 2; at < stop; at++) bright += profile[at];
     const double contrast = bright / (stop - first - run / 2) - low;
-    const double at = crossing(profile, start, stop, low + search->level * contrast);
+    const double half_light = square(contrast) / maximum(contrast + search->halved_grey, 1e-6);
+    const double at = crossing(profile, start, stop, low + half_light);
     if (!(at > 0)) return NAN;
     const double upper = crossing(profile, (int)at, stop, low + UPPER_SHARE * contrast);
     int lower = (int)at;

@@ -12,18 +12,17 @@ typedef struct {
     double evidence;
 } Candidate;
 
-/* Return the (upper) median of the first values of which one is given; `ordered` has room for all. */
-static float median_of(const float *values, const uint8_t *is_given, int count, float *ordered) {
+/* Return the (upper) median of the first values of which one is given; `chosen` has room for all. */
+static float median_of(const float *values, const uint8_t *is_given, int count, double *chosen) {
     int given = 0;
     for (int at = 0; at < count; at++)
-        if (!is_given || is_given[at]) ordered[given++] = values[at];
-    qsort(ordered, (size_t)given, sizeof *ordered, compare_floats);
-    return given ? ordered[given / 2] : 0;
+        if (!is_given || is_given[at]) chosen[given++] = values[at];
+    return given ? (float)median(chosen, given) : 0;
 }
 
 /* Mark the steps that are as bright as a ridge, and dark beside. */
 static void mark_steps(const float *contrast, const float *brighter, int steps, const ShaftSearch *search,
-                       double dark_grey, float *ordered, uint8_t *is_ridge) {
+                       double dark_grey, double *chosen, uint8_t *is_ridge) {
     const float least = (float)search->min_contrast_grey, dark = (float)dark_grey;
     int count = 0;
     for (int at = 0; at < steps; at++) {
@@ -32,7 +31,7 @@ static void mark_steps(const float *contrast, const float *brighter, int steps, 
     }
     if (!count) return;
     /* the vitreous beside it may be bright, but its speckle is no shaft */
-    const float typical = median_of(contrast, is_ridge, steps, ordered);
+    const float typical = median_of(contrast, is_ridge, steps, chosen);
     const float bright = (float)maximum(search->min_contrast_grey, typical / 2.0);
     const float equal = (float)(search->equal_share * typical);
     for (int at = 0; at < steps; at++)
@@ -41,9 +40,9 @@ static void mark_steps(const float *contrast, const float *brighter, int steps, 
 
 /* Write the part of a ridge that starts near the image's border; return whether it is long enough. */
 static int is_candidate(const float *contrast, const float *brighter, const RidgeSearch *ridges,
-                        const ShaftSearch *search, float *ordered, uint8_t *is_ridge, Candidate *candidate) {
+                        const ShaftSearch *search, double *chosen, uint8_t *is_ridge, Candidate *candidate) {
     const RidgeLine *line = &candidate->shaft.line;
-    mark_steps(contrast, brighter, line->stations, search, ridges->dark_grey, ordered, is_ridge);
+    mark_steps(contrast, brighter, line->stations, search, ridges->dark_grey, chosen, is_ridge);
     int start = -1, end = -1, count = 0;
     for (int at = 0; at < line->stations; at++) {
         if (!is_ridge[at]) continue;
@@ -55,12 +54,13 @@ static int is_candidate(const float *contrast, const float *brighter, const Ridg
     if (start < 0 || start > search->start_steps || end < search->least_steps) return 0;
     candidate->shaft.share = (double)count / (end + 1 - start);
     candidate->shaft.end_steps = end;
-    candidate->shaft.typical_grey = median_of(contrast, NULL, end + 1, ordered);
+    candidate->shaft.typical_grey = median_of(contrast, NULL, end + 1, chosen);
     candidate->end_x = line->start_px[0] + end * ridges->step_px * line->along_px[0];
     candidate->side = copysign(1, line->along_px[0]);
     candidate->evidence = 0;
     for (int at = 0; at < end; at++) candidate->evidence += maximum(contrast[at], 0);
-    return candidate->shaft.share >= search->min_ridge_share;
+    return candidate->shaft.share >= search->min_ridge_share &&
+           candidate->shaft.typical_grey > search->min_contrast_grey;
 }
 
 /* Return the row at which a line crosses a column. */
@@ -138,11 +138,11 @@ EXPORT int find_shaft(const uint8_t *image, int width, int height, const Grid *g
                       const RidgeSearch *ridges, const ShaftSearch *search, const SurfacePair *surfaces,
                       int room, Shaft *shaft, float *contrast, float *brighter) {
     const size_t columns = (size_t)surfaces->columns, length = (size_t)room;
-    double *memory = malloc(columns * sizeof *memory + (size_t)grid->columns * 4 + length * 5);
+    double *memory = malloc((columns + length) * sizeof *memory + (size_t)grid->columns * 4 + length);
     if (!memory) return -1;
-    int32_t *limit_row = (int32_t *)(memory + columns);
-    float *ordered = (float *)(limit_row + grid->columns);
-    uint8_t *is_ridge = (uint8_t *)(ordered + length);
+    double *chosen = memory + columns;
+    int32_t *limit_row = (int32_t *)(chosen + length);
+    uint8_t *is_ridge = (uint8_t *)(limit_row + grid->columns);
     RidgeLine lines[MAX_RIDGES];
     Candidate candidates[MAX_RIDGES];
     limit_rows(grid, ridges, height, surfaces, memory, limit_row);
@@ -152,7 +152,7 @@ EXPORT int find_shaft(const uint8_t *image, int width, int height, const Grid *g
     for (int number = 0; number < found; number++) {
         const ptrdiff_t first = (ptrdiff_t)number * room;
         candidates[count].shaft = (Shaft){.line = lines[number], .number = number};
-        count += is_candidate(contrast + first, brighter + first, ridges, search, ordered, is_ridge,
+        count += is_candidate(contrast + first, brighter + first, ridges, search, chosen, is_ridge,
                               candidates + count);
     }
     free(memory);
