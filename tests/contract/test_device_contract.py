@@ -12,6 +12,8 @@ from haptigraph.haptics.observed_device import PAGE_CONTROLLER, ObservedDevice
 from haptigraph.messages import Capabilities
 from haptigraph.stages import Device
 
+pytestmark = pytest.mark.realtime  # simulated boards answer in time only if they get it
+
 # The name with which `open_device` opens each device without hardware, given an empty folder.
 OPENERS = {
     "audio": lambda folder: f"audio:{folder / 'touch.wav'}",
