@@ -1,5 +1,6 @@
 import math
 
+import hypothesis
 import msgspec
 import numpy as np
 import pytest
@@ -209,6 +210,7 @@ def depths_mm(bench: Bench, frequency_hz: float) -> np.ndarray:
     return np.array(depths[60:])
 
 
+@hypothesis.settings(max_examples=15)  # a tenth of a second each
 @given(st.integers(80, 120))
 def test_the_filter_reduces_tremor_of_the_tool_to_a_tenth(tenths_of_hz):
     without, with_filter = (

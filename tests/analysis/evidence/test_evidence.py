@@ -195,7 +195,7 @@ def test_other_files_than_those_of_an_evaluation_are_refused(tmp_path, text):
         safety_case("subretinal_injection", Results(evaluations=[file]))
 
 
-@pytest.mark.parametrize("name", mostly_slow(procedure_names(), "subretinal_injection", "vein_cannulation"))
+@pytest.mark.parametrize("name", mostly_slow(procedure_names(), "subretinal_injection"))
 def test_every_text_of_the_diagram_fits_its_shape(name, recording):
     svg = ElementTree.fromstring(argument_svg(safety_case(name, Results(runs=[recording]))))
     width = float(svg.get("width"))
