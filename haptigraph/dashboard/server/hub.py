@@ -55,8 +55,8 @@ class Hub:
         self._number = 0
         self._view: EyeView | None = None
         self._moving: frozenset[str] = frozenset()
-        self._retained: dict[str, str] = {}
-        self._blind_hello = self._level = ""
+        self._retained: dict[str, tuple[str, str]] = {}
+        """Messages for viewers that join, by type: for all, and for blinded ones; empty: none."""
 
     # --- called in the loop's thread, and in the thread that drives the device ------------------------
 
@@ -114,18 +114,14 @@ class Hub:
             moving: Names of the entities whose positions go with every image.
         """
         self._retained.pop("ended", None)
-        self._retained = {**self._retained, "hello": text_message("hello", **hello)}
-        self._blind_hello = text_message("hello", **blind_hello(hello))
+        self._retained["hello"] = text_message("hello", **hello), text_message("hello", **blind_hello(hello))
         self._view, self._moving, self._newest, self.last_faults = view, moving, None, {}
-        for viewer in self.viewers:
-            viewer.put_text(self._blind_hello if viewer.is_blind else self._retained["hello"])
+        self._send(*self._retained["hello"])
 
     def join(self, viewer: Viewer) -> None:
-        """Add a viewer and send it the retained messages, and the level in force unless it is blinded."""
-        for kind, text in self._retained.items():
-            viewer.put_text(self._blind_hello if viewer.is_blind and kind == "hello" else text)
-        if self._level and not viewer.is_blind:
-            viewer.put_text(self._level)
+        """Add a viewer and send it the retained messages."""
+        for texts in self._retained.values():
+            _put(viewer, *texts)
         self.viewers.append(viewer)
 
     def leave(self, viewer: Viewer) -> None:
@@ -148,14 +144,13 @@ class Hub:
         """Send a message to all viewers; viewers that join later get the newest retained one of each type."""
         text = text_message(kind, **content)
         if retain:
-            self._retained[kind] = text
+            self._retained[kind] = text, text
         self._send(text, text)
 
     def _send(self, text: str, blind_text: str) -> None:
         """Send a message to all viewers, and to blinded ones another, if it is not empty."""
         for viewer in self.viewers:
-            if each := blind_text if viewer.is_blind else text:
-                viewer.put_text(each)
+            _put(viewer, text, blind_text)
 
     def publish_threadsafe(self, kind: str, **content: object) -> None:
         """Send a retained message to all viewers, from any thread."""
@@ -209,7 +204,7 @@ class Hub:
             edges.append((self.to_ms(stamp_ns), amplitude, frequency_hz))
         if edges:
             self._send(text_message("haptics", edges=edges), "")
-            self._level = text_message("haptics", edges=edges[-1:])
+            self._retained["haptics"] = text_message("haptics", edges=edges[-1:]), ""
 
     def _image(self, capture: Capture, step: Step) -> tuple[ImageHeader, bytes]:
         """Return header and picture of one step, once for all viewers."""
@@ -229,3 +224,9 @@ class Hub:
             hand=capture.hand,
         )
         return header, picture
+
+
+def _put(viewer: Viewer, text: str, blind_text: str) -> None:
+    """Leave a message for a viewer, and for a blinded one another, if it is not empty."""
+    if chosen := blind_text if viewer.is_blind else text:
+        viewer.put_text(chosen)
