@@ -66,9 +66,9 @@ class RunReader(ShownRun):
         self._video: StoredVideo | None = None
         self.info = self._read_info()
         self.is_whole = is_whole(self.path)
+        """False if the run was interrupted or is still being recorded."""
         if self.is_whole and self.info.decoder and self._video is None:
             self._video = video_at_the_end(self.path)
-        """False if the run was interrupted or is still being recorded."""
         self.is_being_written = not self.is_whole and is_being_written(self.path)
 
     def __repr__(self) -> str:
