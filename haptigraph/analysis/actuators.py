@@ -94,6 +94,12 @@ class DeviceTest:
         """Close the device."""
         self._device.close()
 
+    def end(self, guard: Guard) -> None:
+        """Close the guard that drives it, and note what failed and whether it is silent."""
+        guard.close()
+        self.faults = [fault for fault in guard.take_faults() if not fault.is_over]
+        self.is_silent = guard.is_silent
+
 
 def play_grammar(
     device: Device,
@@ -121,9 +127,7 @@ def play_grammar(
             play_pattern(guard, pattern, duration_ns(pattern) or CONTINUOUS_NS, clock)
             play_pattern(guard, OFF, PAUSE_NS, clock)
     finally:
-        guard.close()
-        test.faults = [fault for fault in guard.take_faults() if not fault.is_over]
-        test.is_silent = guard.is_silent
+        test.end(guard)
     return test
 
 

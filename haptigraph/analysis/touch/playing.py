@@ -36,9 +36,7 @@ def play_touch(device: Device, touch: Touch, clock: Clock, config: HapticsConfig
         else:
             _play_envelope(guard, plain(touch.envelope), clock)
     finally:
-        guard.close()
-        test.faults = [fault for fault in guard.take_faults() if not fault.is_over]
-        test.is_silent = guard.is_silent
+        test.end(guard)
     return test
 
 
