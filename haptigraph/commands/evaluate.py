@@ -151,9 +151,10 @@ def _evaluate_recording(recording: str, name: str | None, *, as_json: bool) -> N
     from haptigraph.assemble import load_procedure
     from haptigraph.recording.reader import RunReader
 
-    procedure = load_procedure(name) if name else recorded_procedure(RunReader(recording))
+    reader = RunReader(recording)
+    procedure = load_procedure(name) if name else recorded_procedure(reader)
     with progress_bar() as progress:
-        report = report_recording(Path(recording), procedure, progress)
+        report = report_recording(reader, procedure, progress)
     _print(report, procedure, as_json=as_json)
 
 

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from haptigraph import assemble
 from haptigraph.analysis.batch.scoring import report_recording
-from haptigraph.analysis.metrics.replay import replay, replay_steps
+from haptigraph.analysis.metrics.replay import recorded_procedure, replay, replay_steps
 from haptigraph.clock import MonotonicClock, VirtualClock
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
@@ -97,7 +97,8 @@ def test_a_recording_names_the_perceiver_and_replays_with_it(recording):
     assert report.notes[0] == (
         "perceiver mine:Perceiver is not part of haptigraph; its module is unchanged since the run"
     )
-    scores = report_recording(recording).scores
+    reader = RunReader(recording)
+    scores = report_recording(reader, recorded_procedure(reader)).scores
     assert (scores["perceiver"], scores["note"]) == ("mine:Perceiver", report.notes[0])
 
 

@@ -1,7 +1,6 @@
 """Score perception on a simulated recording, which contains the simulator's ground truth."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 from haptigraph.analysis.evaluation.evaluation import spread
@@ -27,20 +26,17 @@ __all__ = ["report_recording", "score_recording"]
 MIN_DEPTH_MM = 2.0
 
 
-def report_recording(
-    path: Path, procedure: Procedure | None = None, progress: Progress | None = None
-) -> Report:
-    """Score perception on one recording; see `score_recording`.
+def report_recording(reader: RunReader, procedure: Procedure, progress: Progress | None = None) -> Report:
+    """Score perception on one recording with a procedure; see `score_recording`.
 
     Raises:
         BadInput: If it has no ground truth, or cannot be replayed.
     """
-    scores = score_recording(path, procedure, progress)
+    scores = score_recording(reader, procedure, progress)
     errors_mm, errors_deg = scores.pop("tip_errors_mm"), scores.pop("theta_errors_deg")
-    reader = RunReader(path)
-    perceiver = perceiver_name(recorded_config(reader), procedure or recorded_procedure(reader))
+    perceiver = perceiver_name(recorded_config(reader), procedure)
     scores = {
-        "recording": str(path),
+        "recording": str(reader.path),
         "perceiver": perceiver,
         **({"note": own_note(reader, perceiver)} if is_own(perceiver) else {}),
         "scored_images": scores.pop("images"),
@@ -52,12 +48,12 @@ def report_recording(
 
 
 def score_recording(
-    path: Path, procedure: Procedure | None = None, progress: Progress | None = None
+    reader: RunReader, procedure: Procedure | None = None, progress: Progress | None = None
 ) -> dict[str, Any]:
     """Replay a recording, and compare the reported tips with the true ones.
 
     Args:
-        path: The recording.
+        reader: The recording.
         procedure: Another procedure to apply; None: the recorded one.
         progress: Called with the progress.
 
@@ -68,7 +64,6 @@ def score_recording(
     Raises:
         BadInput: If it has no ground truth of a needle before a camera, or cannot be replayed.
     """
-    reader = RunReader(path)
     pipeline = replay_pipeline(reader, procedure)
     _check_has_needle(reader, procedure)
     steps = reader.count()[0] if progress is not None else 0
@@ -93,7 +88,9 @@ def score_recording(
         if theta_deg is not None:
             errors_deg.append(round(abs(theta_deg - truth.theta_deg), 4))
     if not truths:
-        raise BadInput("has no ground truth, so perception cannot be scored; simulated runs have one", path)
+        raise BadInput(
+            "has no ground truth, so perception cannot be scored; simulated runs have one", reader.path
+        )
     return {
         "images": images,
         "tips": tips,

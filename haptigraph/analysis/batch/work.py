@@ -83,7 +83,7 @@ def _measure(path: Path, task: BatchTask) -> dict[str, Any]:
 
 
 def _evaluate(path: Path, task: BatchTask) -> dict[str, Any]:
-    return score_recording(path, _procedure(task))
+    return score_recording(RunReader(path), _procedure(task))
 
 
 def _export(path: Path, task: BatchTask) -> dict[str, Any]:

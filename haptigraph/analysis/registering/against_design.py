@@ -9,7 +9,7 @@ from haptigraph.analysis.registering.design import Design
 from haptigraph.analysis.registering.report import in_px_and_mm
 from haptigraph.perception.anatomy.anatomy import Anatomy
 from haptigraph.registration.text import AnatomyPx
-from haptigraph.rig.prediction import vec_of
+from haptigraph.rig.prediction import Angles, vec_of
 
 __all__ = ["Deviation", "design_lines", "deviations"]
 
@@ -41,12 +41,15 @@ def deviations(design: Design, anatomy: Anatomy, found: AnatomyPx) -> tuple[Devi
     return (*parts, roll) if roll else tuple(parts)
 
 
-def design_lines(design: Design, anatomy: Anatomy, found: AnatomyPx, *, has_target: bool) -> list[str]:
+def design_lines(
+    design: Design, anatomy: Anatomy, angles: Angles, found: AnatomyPx, *, has_target: bool
+) -> list[str]:
     """Return the report's lines about the design, with a warning for each quantity beyond 3 sd.
 
     Args:
         design: The design.
         anatomy: What was found.
+        angles: Of ports and target, `estimated` from it.
         found: The registration.
         has_target: Whether its target is the design's.
     """
@@ -58,7 +61,7 @@ def design_lines(design: Design, anatomy: Anatomy, found: AnatomyPx, *, has_targ
         + ", ".join(f"{each.what} {each.off}, {each.sd:.1f} sd" for each in compared)
     ]
     if has_target:
-        target_deg, sd_deg = design.estimated(anatomy).target_deg
+        target_deg, sd_deg = angles.target_deg
         turned_deg = target_deg - design.prediction.angles.target_deg[0]
         sd_px = math.radians(sd_deg) * anatomy.radius_px
         lines.append(

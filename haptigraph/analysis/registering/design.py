@@ -12,9 +12,8 @@ from msgspec.structs import replace
 
 from haptigraph.analysis.registering.overrides import Overrides, named_trocars
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Vec
 from haptigraph.messages import Image
-from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
+from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar, point_at
 from haptigraph.perception.anatomy.expected import Expected
 from haptigraph.perception.anatomy.port_opening import MIN_SEPARATION_DEG
 from haptigraph.rig.description import load_rig
@@ -110,7 +109,11 @@ class Design(Struct, frozen=True, eq=False):
         distance_px = (1 + eye.wall_mm / eye.diameter_mm) * anatomy.radius_px
         ports = tuple(
             FoundTrocar(
-                _point_at(anatomy, distance_px, angle_deg), angle_deg, None, sd_deg, number not in found
+                point_at(anatomy.center_px, distance_px, angle_deg),
+                angle_deg,
+                None,
+                sd_deg,
+                number not in found,
             )
             for number, (angle_deg, sd_deg) in enumerate(angles.ports_deg)
             if all(abs(trocar.angle_deg - angle_deg) > MIN_SEPARATION_DEG for trocar in kept)
@@ -150,9 +153,3 @@ def load_design(file: str) -> Design:
         BadInput: If it is not valid.
     """
     return Design(file, predict(load_rig(file)))
-
-
-def _point_at(anatomy: Anatomy, distance_px: float, angle_deg: float) -> Vec:
-    """Return the point at a distance from the globe's centre, in the frontal view."""
-    angle, (x, y) = math.radians(angle_deg), anatomy.center_px
-    return x + distance_px * math.sin(angle), y - distance_px * math.cos(angle)

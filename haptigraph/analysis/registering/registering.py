@@ -123,7 +123,7 @@ def register_source(
     png = registration_picture(anatomy.reference_image, registration, found, uncertainty, anatomy)
     write_files(files, (registration_text(found, title).encode(), png))
     report(FINDING, 3, STAGES)
-    lines = design_lines(design, seen, found, has_target=has_target) if design else []
+    lines = design_lines(design, seen, angles, found, has_target=has_target) if design else []
     if not (design and seen.trocars):  # which compares them
         lines = [upright_line(anatomy, enters_above=above), *lines]
     return "\n".join(report_lines(anatomy, found, registration, overrides, files, lines))

@@ -37,7 +37,7 @@ from haptigraph.perception.anatomy.tracked_rcm import tracked_rcm
 from haptigraph.projection import ImageMap, LensMap, image_map
 from haptigraph.registration.tilt import CameraTilt
 
-__all__ = ["Anatomy", "FoundTrocar", "find_anatomy"]
+__all__ = ["Anatomy", "FoundTrocar", "find_anatomy", "point_at"]
 
 RETINA_HALF_DEG = 75.0
 RETINA_STEP_DEG = 1.5
@@ -227,7 +227,7 @@ def _rim_excess(
         estimates.append(estimate(rcm.point_px, rim.middle_px, sd_px))
         evidence += ["needle"] if estimates[-1][1] < prior_sd and "needle" not in evidence else []
     by_opening = [
-        estimate(_point_at(center, radius_px - each.inside_px, each.angle_deg), radius_px, OPENING_SD_PX)
+        estimate(point_at(center, radius_px - each.inside_px, each.angle_deg), radius_px, OPENING_SD_PX)
         for each in port_openings
         if each.inside_px is not None
     ]
@@ -257,7 +257,7 @@ def _excess_through(point_px: Vec, radius_px: float, center_px: Vec, foot_px: Ve
     return min(((along + sign * root) / square - 1 for sign in (1, -1)), key=abs)
 
 
-def _point_at(center_px: Vec, radius_px: float, angle_deg: float) -> Vec:
+def point_at(center_px: Vec, radius_px: float, angle_deg: float) -> Vec:
     """Return the point on a circle at an angle from the top."""
     angle = math.radians(angle_deg)
     return center_px[0] + radius_px * math.sin(angle), center_px[1] - radius_px * math.cos(angle)
@@ -289,6 +289,6 @@ def _trocars(
         found.append(FoundTrocar(rcm.point_px, math.degrees(math.atan2(right, -down)), rcm))
     for port_opening in port_openings:
         if all(abs(other.angle_deg - port_opening.angle_deg) > MIN_SEPARATION_DEG for other in found):
-            point_px = _point_at(center_px, middle_px, port_opening.angle_deg)
+            point_px = point_at(center_px, middle_px, port_opening.angle_deg)
             found.append(FoundTrocar(point_px, port_opening.angle_deg, None, port_opening.angle_sd_deg))
     return tuple(found[:MAX_OPENINGS])
