@@ -102,7 +102,8 @@ def first_trial(service, base, monkeypatch):
 
 
 def test_nothing_that_the_experimenter_receives_depends_on_the_condition(folder, quick_uri, monkeypatch):
-    base = load_config(None, (f"source.uri={quick_uri}",))
+    # A busy machine may make images late: a fault in one of the two trials alone.
+    base = load_config(None, (f"source.uri={quick_uri}", "run.stale_ms=60000"))
     with closing(Store(folder / "study.db")) as store:
         service = StudyService(folder, study_at(folder, store), "lab 1")
         (lab, person, shown), (other_lab, other_person, other_shown) = (
