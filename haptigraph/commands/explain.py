@@ -127,6 +127,7 @@ def evidence(
 @click.command(
     epilog=examples(
         "haptigraph figure run.mcap --kind timeline -o timeline.pdf",
+        "haptigraph figure run.mcap --kind timeline --procedure own.toml -o compared.png",
         "haptigraph figure run.mcap --kind pipeline --at 9.5 -o pipeline.pdf",
         "haptigraph figure run.mcap --kind views -o views.svg",
     )
@@ -146,11 +147,16 @@ def evidence(
     metavar="SECONDS",
     help="Moment of pipeline and views, since the first step; default: the longest alarm.",
 )
+@click.option(
+    "--procedure",
+    metavar="NAME|FILE",
+    help="Another procedure: a timeline also shows its states and its haptic output.",
+)
 @click.option("-o", "--output", metavar="FILE", required=True, help="PDF, SVG or PNG to write.")
-def figure(recording: str, kind: "Kind", at_s: float | None, output: str) -> None:
+def figure(recording: str, kind: "Kind", at_s: float | None, procedure: str | None, output: str) -> None:
     """Draw a figure of RECORDING for a paper: two columns wide (183 mm), vector graphics, fonts embedded."""
     from haptigraph.analysis.paper.figure import paper_figure
 
     with progress_bar() as progress:
-        paper_figure(recording, kind, output, at_s, progress)
+        paper_figure(recording, kind, output, at_s, procedure, progress)
     click.echo(output)

@@ -91,9 +91,9 @@ def _lines(totals: Totals) -> Iterator[str]:
             f"{totals.changed} recordings change; alarms: {totals.gained} gained, {totals.lost} lost; "
             f"hits: {totals.hits_gained} gained, {totals.hits_lost} lost"
         )
-    if totals.kind == "evaluate":
-        reported = f"{sums['tips']} of {sums['images']} images"
-        yield f"tip reported in {reported}, and {sums['false_tips']} false ones"
+    for perceiver, tips in totals.tips.items():
+        reported = f"{tips['tips']} of {tips['images']} images"
+        yield f"{perceiver}: tip reported in {reported}, and {tips['false_tips']} false ones"
     for name in totals.values:
         count, median, low, high = totals.spread(name)
         yield f"{name:38} n {count:6}  median {median:10.4g}  90 % within {low:.4g} to {high:.4g}"

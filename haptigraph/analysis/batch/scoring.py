@@ -34,7 +34,7 @@ def report_recording(reader: RunReader, procedure: Procedure, progress: Progress
     """
     scores = score_recording(reader, procedure, progress)
     errors_mm, errors_deg = scores.pop("tip_errors_mm"), scores.pop("theta_errors_deg")
-    perceiver = perceiver_name(recorded_config(reader), procedure)
+    perceiver = scores.pop("perceiver")
     scores = {
         "recording": str(reader.path),
         "perceiver": perceiver,
@@ -58,14 +58,14 @@ def score_recording(
         progress: Called with the progress.
 
     Returns:
-        images with a visible tip at least 2 mm inside; tips reported in them; tips reported with no
-        instrument in the eye; errors of the tip [mm] and of theta [deg], image by image.
+        the perceiver; images with a visible tip at least 2 mm inside; tips reported in them; tips reported
+        with no instrument in the eye; errors of the tip [mm] and of theta [deg], image by image.
 
     Raises:
         BadInput: If it has no ground truth of a needle before a camera, or cannot be replayed.
     """
     pipeline = replay_pipeline(reader, procedure)
-    _check_has_needle(reader, procedure)
+    perceiver = _perceiver_of_needle(reader, procedure)
     steps = reader.count()[0] if progress is not None else 0
     images = false_tips = tips = truths = 0
     errors_mm, errors_deg = list[float](), list[float]()
@@ -92,6 +92,7 @@ def score_recording(
             "has no ground truth, so perception cannot be scored; simulated runs have one", reader.path
         )
     return {
+        "perceiver": perceiver,
         "images": images,
         "tips": tips,
         "false_tips": false_tips,
@@ -100,10 +101,11 @@ def score_recording(
     }
 
 
-def _check_has_needle(reader: RunReader, procedure: Procedure | None) -> None:
-    """Refuse a recording in which no needle can be scored: 0 of 0 tips would look perfect."""
+def _perceiver_of_needle(reader: RunReader, procedure: Procedure | None) -> str:
+    """Return the perceiver's name, or refuse if no needle can be scored: 0 of 0 tips would look perfect."""
     if not isinstance(recorded_registration(reader), Registration):
         raise BadInput("shows B-scans or volumes; only needles before a camera are scored", reader.path)
     name = perceiver_name(recorded_config(reader), procedure or recorded_procedure(reader))
     if "needle_tip" not in perceiver_class(name).entities:
         raise BadInput(f"perceiver {name} reports no needle_tip, which alone is scored", reader.path)
+    return name

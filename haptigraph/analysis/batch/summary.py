@@ -14,7 +14,6 @@ __all__ = ["Moment", "Totals"]
 MAX_LISTED = 500
 NUMBERS = {
     "replay": ("steps", "identical", "states_differ", "haptics_differ"),
-    "evaluate": ("images", "tips", "false_tips"),
     "export": ("bytes",),
 }
 
@@ -37,6 +36,8 @@ class Totals:
         """Recordings that were passed over, and why: the first of them."""
         self.passed_over = 0
         self.sums: Counter[str] = Counter()
+        self.tips: dict[str, Counter[str]] = {}
+        """Images to score, tips and false tips, by perceiver."""
         self.changed = self.hits_gained = self.hits_lost = 0
         """Recordings with another state in some step; with a hit as replayed only; as recorded only."""
         self.gained = self.lost = 0
@@ -59,6 +60,9 @@ class Totals:
         self.recordings += 1
         for name in NUMBERS.get(self.kind, ()):
             self.sums[name] += row.result[name]
+        if self.kind == "evaluate":
+            tips = self.tips.setdefault(row.result["perceiver"], Counter())
+            tips.update({name: row.result[name] for name in ("images", "tips", "false_tips")})
         if self.kind == "replay":
             self._add_replay(row.recording, row.result)
         for name, value in _numbers(self.kind, row.result):
@@ -97,5 +101,6 @@ def _numbers(kind: str, result: Mapping[str, Any]) -> Iterator[tuple[str, float]
     if kind == "measure":
         yield from ((name, value) for name, value in result.items() if isinstance(value, int | float))
     if kind == "evaluate":
-        yield from (("tip error [mm]", value) for value in result["tip_errors_mm"])
-        yield from (("theta error [deg]", value) for value in result["theta_errors_deg"])
+        perceiver = result["perceiver"]
+        yield from ((f"{perceiver}: tip error [mm]", value) for value in result["tip_errors_mm"])
+        yield from ((f"{perceiver}: theta error [deg]", value) for value in result["theta_errors_deg"])

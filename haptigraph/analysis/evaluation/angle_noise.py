@@ -4,6 +4,7 @@ The images differ by noise alone: the needle enters and is held at a depth. The 
 pose is the reference. There is no shadow, so that the bound concerns the shaft alone.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -13,7 +14,7 @@ from haptigraph import assemble
 from haptigraph.analysis.evaluation.cramer_rao import AngleBound, angle_bound
 from haptigraph.analysis.evaluation.evaluation import tip_mm
 from haptigraph.config import Config
-from haptigraph.geometry import Segment, Vec
+from haptigraph.geometry import Segment, Vec, angle_between_deg
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import parse_camera_registration
@@ -31,6 +32,8 @@ THETA_DEG = 5.0
 APPROACH_IMAGES, STEP_MM = 20, 0.3  # 9 mm/s at 30 images a second
 SETTLING_IMAGES = 5
 HELD_IMAGES = 100
+NEAR_DEG, NEAR_MM = 2.0, 2.0
+"""What is further from the truth is not a noisy sight of the needle: its spread would say nothing."""
 NEEDLE = NeedleShape(diameter_mm=0.5, taper_mm=4.0)
 PX_PER_MM_AT_720 = 20.0
 
@@ -40,7 +43,10 @@ class HeldDepth(Struct, frozen=True):
 
     depth_mm: float
     noise_deg: dict[str, float | None]
-    """Standard deviation of the reported angle by perceiver; None if under half of the images had one."""
+    """Standard deviation of the reported angle by perceiver.
+
+    None if under half of the images had one near the truth.
+    """
     bound: AngleBound
     tip_noise_mm: dict[str, float | None]
     """Standard deviation of the reported tip by perceiver, in the worse of the two directions."""
@@ -81,11 +87,12 @@ def angle_noise(
         tips: dict[str, list[Vec | None]] = {name: [] for name in perceivers}
         for pipeline in pipelines.values():
             pipeline.reset()
+        held_at = Robot(eye.trocar_mm, RobotLimits(), _pose(eye, depth_mm))
         for capture in _captures(eye, camera, depth_mm, first=1000 * number):
             for name, pipeline in pipelines.items():
                 step = pipeline.step(capture)
-                angles[name].append(_angle_deg(step))
-                tips[name].append(tip_mm(step))
+                angles[name].append(_angle_deg(step, held_at.direction()))
+                tips[name].append(_near(tip_mm(step), held_at.tip_mm()))
         noise_deg = {name: _sd(reported[-HELD_IMAGES:]) for name, reported in angles.items()}
         tip_noise_mm = {name: _tip_sd(reported[-HELD_IMAGES:]) for name, reported in tips.items()}
         bound = angle_bound(camera, eye, _pose(eye, depth_mm))
@@ -122,12 +129,18 @@ def _captures(eye: Eye, camera: Camera, depth_mm: float, first: int) -> Iterator
         yield Capture(first + number, round((first + number) * 1e9 / 30), image)
 
 
-def _angle_deg(step: Step) -> float | None:
+def _angle_deg(step: Step, direction: Vec) -> float | None:
+    """Return the angle of the reported line; None if there is none near the true direction."""
     line = step.observation.found.get("needle_line")
     if not isinstance(line, Segment):
         return None
     along = line.end_mm[0] - line.start_mm[0], line.end_mm[1] - line.start_mm[1]
-    return float(np.degrees(np.arctan2(along[1], along[0])))
+    is_near = angle_between_deg(direction, along) <= NEAR_DEG
+    return math.degrees(math.atan2(along[1], along[0])) if is_near else None
+
+
+def _near(tip: Vec | None, true_mm: Vec) -> Vec | None:
+    return tip if tip is not None and math.dist(tip, true_mm) <= NEAR_MM else None
 
 
 def _tip_sd(tips_mm: Sequence[Vec | None]) -> float | None:

@@ -4,15 +4,17 @@ from collections.abc import Container
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from haptigraph.analysis.metrics.replay import replay_steps
 from haptigraph.analysis.paper.pipeline import pipeline_figure
 from haptigraph.analysis.paper.stages import read_stages
 from haptigraph.analysis.paper.views import views_figure
 from haptigraph.analysis.plots.paper import COLORS, WIDTH_IN, check_new, save, styled
-from haptigraph.analysis.plots.series import Series, read_series
+from haptigraph.analysis.plots.series import Series, read_series, series_of
 from haptigraph.analysis.plots.timeline import draw_timeline
+from haptigraph.assemble import load_procedure
 from haptigraph.errors import BadInput
 from haptigraph.figures import Figure
-from haptigraph.messages import Image
+from haptigraph.messages import Image, Step
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.camera import Registration
@@ -33,6 +35,7 @@ def paper_figure(
     kind: Kind,
     output: str | Path,
     at_s: float | None = None,
+    procedure: str | None = None,
     progress: Progress | None = None,
 ) -> None:
     """Draw a figure of one recorded run to a new PDF, SVG or PNG file.
@@ -42,6 +45,7 @@ def paper_figure(
         kind: Which figure.
         output: The file to write.
         at_s: Time since the first step; None: the middle of the longest alarm, or else of what shows most.
+        procedure: Another procedure, whose states and haptic output a timeline shows too; None: none.
         progress: Called with the progress.
 
     Raises:
@@ -53,14 +57,28 @@ def paper_figure(
         if kind == "timeline":
             if at_s is not None:
                 raise BadInput("--at goes with --kind pipeline and views; a timeline shows the whole run")
-            figure = Figure(figsize=(WIDTH_IN, 5.2), layout="constrained")
-            draw_timeline(figure, series)
+            other = _replayed(reader, procedure, progress) if procedure is not None else None
+            figure = Figure(figsize=(WIDTH_IN, 5.2 if other is None else 7.2), layout="constrained")
+            draw_timeline(figure, series, other)
+        elif procedure is not None:
+            raise BadInput("--procedure goes with --kind timeline; the other figures show what was recorded")
         else:
             figure = _moment_figure(reader, series, kind, at_s, progress)
         if reader.info.source.partition(":")[0] in SIMULATED:
             note = figure.text(0.002, 0.004, "simulated", ha="left", fontsize=5, color=COLORS["grey"])
             note.set_in_layout(False)
         save(figure, target)
+
+
+def _replayed(reader: RunReader, name: str, progress: Progress | None) -> Series:
+    """Return what another procedure makes of the same images."""
+    procedure, steps = load_procedure(name), list[Step]()
+    total = reader.count()[0] if progress is not None else 0
+    for _, step in replay_steps(reader, procedure):
+        steps.append(step)
+        if progress is not None:
+            progress("replaying", len(steps), total)
+    return series_of(steps, procedure)
 
 
 def _moment_figure(

@@ -10,7 +10,7 @@ from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Step
 from haptigraph.recording.reader import RunReader
 
-__all__ = ["Series", "read_series"]
+__all__ = ["Series", "read_series", "series_of"]
 
 FINE_NS = 5_000_000
 """Between two samples of the amplitude: fine enough to show every pulse."""
@@ -88,6 +88,10 @@ def read_series(reader: RunReader) -> Series:
     steps = [step for _, step in reader.records(images=())]
     if not steps:
         raise BadInput("has no complete step to draw", reader.path)
-    procedure = parse_procedure(reader.info.procedure, f"procedure in {reader.path}")
+    return series_of(steps, parse_procedure(reader.info.procedure, f"procedure in {reader.path}"))
+
+
+def series_of(steps: list[Step], procedure: Procedure) -> Series:
+    """Return steps, at least one, as columns."""
     time_s = [(step.stamp_ns - steps[0].stamp_ns) / 1e9 for step in steps]
     return Series(time_s, steps, procedure, palette(procedure))

@@ -1,22 +1,20 @@
 """Draw a run over time: states, angle, distances with their thresholds, haptic output."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from haptigraph.analysis.plots.paper import COLORS, DASHES, letter
 from haptigraph.analysis.plots.series import Series
-from haptigraph.figures import FigureBase, Patch, SubFigure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from haptigraph.figures import Axes, FigureBase, Patch, SubFigure
 
 __all__ = ["draw_timeline"]
 
 CURVES = tuple(zip(("black", "red", "blue", "green"), DASHES, strict=True))
 """Colour and line style of each curve of a panel."""
 WALL = "wall_mm"  # decides inside and outside, which the states show
-HAPTICS = "haptic output"
 ROOM = 1.1  # above the highest curve
 ABOVE: dict[str, Any] = {
     "loc": "lower right",
@@ -28,32 +26,42 @@ ABOVE: dict[str, Any] = {
 NAMED_SHARE = 0.1  # of the whole time: shorter bands have no room for a name
 
 
-def draw_timeline(figure: "FigureBase | SubFigure", series: Series) -> None:
+def draw_timeline(figure: FigureBase | SubFigure, series: Series, other: Series | None = None) -> None:
     """Draw a run into a figure, in panels with letters: two for what the run measured.
 
     Args:
         figure: An empty figure with a constrained layout.
         series: The run.
+        other: The same images under another procedure: its states and its haptic output are drawn below.
     """
-    angles, distances = _measured(series, ("_deg",)), _measured(series, ("_mm", "_um"))
-    shown = [
-        ("state", 0.8),
-        *([("angle", 1.2)] if angles else []),
-        *([("distances", 1.4)] if distances else []),
-    ]
-    shown.append(("haptic output", 0.8))
-    rows = figure.subplots(len(shown), 1, sharex=True, height_ratios=[height for _, height in shown])
-    panel = {title: axes for (title, _), axes in zip(shown, rows, strict=True)}
-    _draw_states(panel["state"], series)
-    if angles:
-        _draw_angle(panel["angle"], series, angles[0])
-    if distances:
-        _draw_distances(panel["distances"], series, distances)
-    _draw_haptics(panel[HAPTICS], series)
-    for name, (title, axes) in zip("abcd", panel.items(), strict=False):
-        letter(axes, name, title)
+    panels: list[tuple[str, float, Callable[[Axes], None]]] = []
+    both = [("", series)] if other is None else _named(series, other)
+    for name, each in both:
+        panels.append((f"state{name}", 0.8, partial(_draw_states, series=each)))
+    if angles := _measured(series, ("_deg",)):
+        panels.append(("angle", 1.2, partial(_draw_angle, series=series, measure=angles[0], other=other)))
+    if distances := _measured(series, ("_mm", "_um")):
+        panels.append(("distances", 1.4, partial(_draw_distances, series=series, names=distances)))
+    for name, each in both:
+        panels.append((f"haptic output{name}", 0.8, partial(_draw_haptics, series=each)))
+    heights = [height for _, height, _ in panels]
+    rows = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights)
+    for number, ((title, _, draw), axes) in enumerate(zip(panels, rows, strict=True)):
+        draw(axes)
+        letter(axes, "abcdef"[number], title)
         axes.spines[["top", "right"]].set_visible(False)
+    _name_states(rows[0], both)
+    rows[-1].set(xlabel="time [s]", xlim=(0, max(series.time_s[-1], 1e-3)))
     figure.align_ylabels(rows)
+
+
+def _named(series: Series, other: Series) -> list[tuple[str, Series]]:
+    """Name the run as recorded, and under the other procedure."""
+    changed = other.procedure.name
+    return [
+        (", recorded", series),
+        (f", {changed if changed != series.procedure.name else 'replayed'}", other),
+    ]
 
 
 def _measured(series: Series, units: tuple[str, ...]) -> list[str]:
@@ -62,14 +70,14 @@ def _measured(series: Series, units: tuple[str, ...]) -> list[str]:
     return [name for name in names if not np.isnan(series.column(name)).all()][: len(CURVES)]
 
 
-def _shade(axes: "Axes", series: Series) -> None:
+def _shade(axes: Axes, series: Series) -> None:
     """Show the states faintly behind curves."""
     for start, end, state in series.intervals():
         axes.axvspan(*series.span_s(start, end), color=series.color(state), alpha=0.18, linewidth=0)
 
 
-def _draw_states(axes: "Axes", series: Series) -> None:
-    """Draw states as coloured bands, with their names where they fit, and all of them in a legend."""
+def _draw_states(axes: Axes, series: Series) -> None:
+    """Draw states as coloured bands, with their names where they fit."""
     total_s = max(series.time_s[-1], 1e-3)
     for start, end, state in series.intervals():
         left, right = series.span_s(start, end)
@@ -79,34 +87,45 @@ def _draw_states(axes: "Axes", series: Series) -> None:
                 *((left + right) / 2, 0.5, state.replace("_", "\n")),
                 ha="center", va="center", fontsize="small", color=series.ink(state),
             )  # fmt: skip
-    occurring = {state for _, _, state in series.intervals()}
-    patches = [
-        Patch(
-            facecolor=series.color(state.name),
-            edgecolor="#555",
-            linewidth=0.4,
-            label=state.name.replace("_", " "),
-        )
-        for state in series.procedure.states
-        if state.name in occurring
-    ]
-    axes.legend(handles=patches, **ABOVE, ncols=min(len(patches), 4), frameon=False)
     axes.set(yticks=[], ylim=(0, 1))
 
 
-def _draw_angle(axes: "Axes", series: Series, measure: str) -> None:
+def _name_states(axes: Axes, both: list[tuple[str, Series]]) -> None:
+    """Name the colours of all states that occur, of both procedures."""
+    colors = {
+        state.name: each.color(state.name)
+        for _, each in both
+        for state in each.procedure.states
+        if state.name in {name for _, _, name in each.intervals()}
+    }
+    patches = [
+        Patch(facecolor=color, edgecolor="#555", linewidth=0.4, label=name.replace("_", " "))
+        for name, color in colors.items()
+    ]
+    axes.legend(handles=patches, **ABOVE, ncols=min(len(patches), 4), frameon=False)
+
+
+def _draw_angle(axes: Axes, series: Series, measure: str, other: Series | None) -> None:
     _shade(axes, series)
     name, values = measure.removesuffix("_deg"), series.column(measure)
     axes.plot(series.time_s, values, color=COLORS["black"], label=name)
-    for bound_deg in [bound for bound in series.bounds(measure) if bound > 0][:1]:
-        axes.axhspan(
-            0, bound_deg, color=COLORS["green"], alpha=0.25, linewidth=0, label=f"up to {bound_deg:g}°"
-        )
+    allowed_deg = _least(series, measure)
+    if allowed_deg is not None:
+        label = f"up to {allowed_deg:g}°"
+        axes.axhspan(0, allowed_deg, color=COLORS["green"], alpha=0.25, linewidth=0, label=label)
+    changed_deg = _least(other, measure) if other else None
+    if changed_deg not in (None, allowed_deg):
+        label = f"up to {changed_deg:g}° as replayed"
+        axes.axhline(changed_deg, color=COLORS["green"], linestyle="--", linewidth=0.9, label=label)
     axes.set(ylabel=f"{name} [°]", ylim=(0, ROOM * max(float(np.nanmax(values)), 1.0)))
-    axes.legend(**ABOVE, ncols=2, frameon=False)
+    axes.legend(**ABOVE, ncols=3, frameon=False)
 
 
-def _draw_distances(axes: "Axes", series: Series, names: list[str]) -> None:
+def _least(series: Series, measure: str) -> float | None:
+    return next((bound for bound in series.bounds(measure) if bound > 0), None)
+
+
+def _draw_distances(axes: Axes, series: Series, names: list[str]) -> None:
     _shade(axes, series)
     unit = names[0].rpartition("_")[2].replace("um", "µm")
     for name, (color, dashes) in zip(names, CURVES, strict=False):
@@ -122,7 +141,7 @@ def _draw_distances(axes: "Axes", series: Series, names: list[str]) -> None:
     axes.legend(**ABOVE, ncols=len(names) + 1, frameon=False)
 
 
-def _draw_haptics(axes: "Axes", series: Series) -> None:
+def _draw_haptics(axes: Axes, series: Series) -> None:
     fine_s, amplitude = series.amplitudes()
     axes.fill_between(fine_s, amplitude, step="post", color=COLORS["purple"], linewidth=0, label="amplitude")
     failed_s = series.device_faults_s()
@@ -130,4 +149,4 @@ def _draw_haptics(axes: "Axes", series: Series) -> None:
         label = "device fault"
         axes.plot(failed_s, [1.0] * len(failed_s), "x", color=COLORS["red"], markersize=5, label=label)
         axes.legend(**ABOVE, ncols=2, frameon=False)
-    axes.set(ylabel="amplitude", ylim=(0, 1.1), xlabel="time [s]", xlim=(0, max(series.time_s[-1], 1e-3)))
+    axes.set(ylabel="amplitude", ylim=(0, 1.1))

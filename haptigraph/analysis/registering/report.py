@@ -15,7 +15,7 @@ from haptigraph.geometry import Vec
 from haptigraph.imaging import UPRIGHT
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.anatomy.rcm import Rcm
-from haptigraph.registration.assumed import LENS, MIRROR, SCALE, TARGET, assumed_text, needs_consent
+from haptigraph.registration.assumed import LENS, MIRROR, RIM, SCALE, TARGET, assumed_text, needs_consent
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.retarget import retina_angle_rad
 from haptigraph.registration.text import AnatomyPx, TrocarPx
@@ -186,8 +186,17 @@ def _assumed_lines(assumed: Sequence[str]) -> list[str]:
     """Say what was assumed, and by which options to state it."""
     if not assumed:
         return []
-    options = ", ".join(STATED_BY[name] for name in assumed if name in STATED_BY)
-    lines = [f"ASSUMED    {assumed_text(assumed)}" + (f"; state it with {options}" if options else "")]
+    stated = [name for name in assumed if name in STATED_BY]
+    lines = []
+    if stated:
+        options = ", ".join(STATED_BY[name] for name in stated)
+        lines.append(
+            f"ASSUMED    {assumed_text(stated)}; state {'it' if len(stated) == 1 else 'them'} with {options}"
+        )
+    if RIM in assumed:
+        lines.append(
+            f"ASSUMED    {assumed_text([RIM])}; images with a moving needle, a port opening, or --rig show it"
+        )
     if needs_consent(assumed):
         lines.append("           a run stays silent until the target is stated, or with --accept-assumed")
     return lines

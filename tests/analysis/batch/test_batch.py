@@ -133,7 +133,8 @@ def test_perception_is_scored_with_the_ground_truth(folder, tmp_path):
     assert result["images"] > 60
     assert result["tips"] == len(result["tip_errors_mm"]) > 0.9 * result["images"]
     assert sorted(result["tip_errors_mm"])[result["tips"] // 2] < 0.15
-    assert "tip error [mm]" in "\n".join(write_report(batch, ""))
+    lines = "\n".join(write_report(batch, ""))
+    assert "tracker: tip reported in " in lines and "tracker: tip error [mm]" in lines
     with (tmp_path / "out" / "recordings.csv").open(newline="") as file:
         row = next(csv.DictReader(file))
     assert 0 < float(row["tip_errors_mm.median"]) < float(row["tip_errors_mm.p95"])

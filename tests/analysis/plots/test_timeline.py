@@ -7,8 +7,9 @@ from evidence_files import record
 from matplotlib.figure import Figure
 from msgspec.structs import replace
 
-from haptigraph.analysis.plots.series import Series, read_series
+from haptigraph.analysis.plots.series import Series, read_series, series_of
 from haptigraph.analysis.plots.timeline import draw_timeline
+from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.messages import Fault
 from haptigraph.recording.reader import RunReader
@@ -39,10 +40,10 @@ def test_faults_of_the_device_are_marked(series):
     assert sum("device fault" in labels for labels in drawn(faulty).values()) == 1
 
 
-def drawn(series: Series) -> dict[str, list[str]]:
+def drawn(series: Series, other: Series | None = None) -> dict[str, list[str]]:
     """Return the labels of every panel by its title."""
     figure = Figure()
-    draw_timeline(figure, series)
+    draw_timeline(figure, series, other)
     return {
         axes.get_title(loc="left").partition("$  ")[2]: axes.get_legend_handles_labels()[1]
         for axes in figure.axes
@@ -79,3 +80,17 @@ def test_a_recording_without_steps_is_refused(tmp_path, quick_uri):
     reader.records = lambda images=None: iter(())
     with pytest.raises(BadInput, match="no complete step to draw"):
         read_series(reader)
+
+
+def test_another_procedure_is_drawn_below_what_was_recorded(series):
+    wide = series.procedure.text.replace("= 1.7", "= 4.0").replace("subretinal_injection", "wide")
+    other = series_of(series.steps, parse_procedure(wide, "wide.toml"))
+    panels = drawn(series, other)
+    assert [title for title in panels if "state" in title or "output" in title] == [
+        "state, recorded",
+        "state, wide",
+        "haptic output, recorded",
+        "haptic output, wide",
+    ]
+    assert panels["angle"][1:] == ["up to 1.7°", "up to 4° as replayed"]
+    assert drawn(series, series)["angle"][1:] == ["up to 1.7°"]
