@@ -245,7 +245,11 @@ class Loop:
         self._unrecorded = None
 
     def _captures(self) -> Iterator[Capture]:
-        """Yield the source's captures, with the faults outside the stages since the previous one."""
+        """Yield the source's captures, with the faults outside the stages since the previous one.
+
+        The last one has no image, so that the needle is lost and nothing vibrates; a recording has its own.
+        """
+        has_ended = False
         while True:
             self._uncounted += self._take_faults()
             faults = self._uncounted
@@ -254,6 +258,8 @@ class Loop:
             try:
                 capture = self.source.read(self._stale_ms / 1e3)
             except EndOfSource:
+                if has_ended:
+                    return
                 self._clock.wait_until(self._clock.now_ns() + round(1e9 / self.source.rate_hz))
                 yield self._without_image("", faults)
                 return
@@ -267,6 +273,7 @@ class Loop:
                 capture = self._paced(capture)
             self.report.skipped += max(capture.index - self._index - 1, 0)
             self._index = capture.index
+            has_ended = capture.image is None and not any(fault.where == "source" for fault in capture.faults)
             yield self._with_readings(
                 replace(capture, faults=(*capture.faults, *faults)) if faults else capture
             )

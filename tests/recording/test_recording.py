@@ -74,6 +74,15 @@ def test_replaying_the_images_gives_bit_identical_steps(recording_file, procedur
     assert count == 117  # 116 images and the end
 
 
+def test_a_run_of_a_recording_has_the_same_steps(recording_file, tmp_path):
+    again = tmp_path / "again.mcap"
+    settings = (f"source.uri={recording_file}", "run.realtime=false", f'recording.path="{again}"')
+    build(load_config(None, settings)).run()
+    recorded, repeated = (list(RunReader(path).records()) for path in (recording_file, again))
+    assert [capture.image is None for capture, _ in recorded[-2:]] == [False, True]
+    assert [step.conclusion for _, step in repeated] == [step.conclusion for _, step in recorded]
+
+
 def test_the_recorded_bytes_are_those_that_perception_consumed(recording_file, quick_uri):
     source = open_source(load_config(None, (f"source.uri={quick_uri}",)), VirtualClock())
     try:
