@@ -17,9 +17,9 @@ __all__ = [
     "GENERATED",
     "OCT_FILES",
     "PREFETCHABLE",
-    "SIMULATED",
     "camera_device",
     "camera_size_px",
+    "is_simulated",
     "split_source",
     "video_to_store",
 ]
@@ -104,6 +104,11 @@ def camera_device(which: str) -> int | str:
     if "/" in which:
         return which
     raise BadInput(f"camera:{which} is no camera number, device path or URL; the first camera is camera:0")
+
+
+def is_simulated(uri: str) -> bool:
+    """Return whether a source shows a simulated eye."""
+    return uri.partition(":")[0] in SIMULATED
 
 
 def camera_size_px(settings: SourceConfig, registered_px: tuple[int, int] | None) -> tuple[int, int]:

@@ -19,7 +19,7 @@ from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_registration
-from haptigraph.sources.naming import SIMULATED
+from haptigraph.sources.naming import is_simulated
 
 __all__ = ["KINDS", "Kind", "paper_figure"]
 
@@ -64,7 +64,7 @@ def paper_figure(
             raise BadInput("--procedure goes with --kind timeline; the other figures show what was recorded")
         else:
             figure = _moment_figure(reader, series, kind, at_s, progress)
-        if reader.info.source.partition(":")[0] in SIMULATED:
+        if is_simulated(reader.info.source):
             note = figure.text(0.002, 0.004, "simulated", ha="left", fontsize=5, color=COLORS["grey"])
             note.set_in_layout(False)
         save(figure, target)

@@ -19,6 +19,7 @@ from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.registered import BaseRegistration
+from haptigraph.sources.naming import is_simulated
 
 __all__ = ["run_figure"]
 
@@ -70,7 +71,7 @@ def run_figure(path: str | Path, output: str | Path, progress: Progress | None =
         for axes, number in zip(graphs.subplots(1, len(moments), squeeze=False)[0], moments, strict=True):
             draw_graph(axes, series.steps[number].graph, series.procedure.schema.relations)
     draw_timeline(bottom, series)
-    simulated = " (simulated)" if reader.info.source.partition(":")[0] == "phantom" else ""
+    simulated = " (simulated)" if is_simulated(reader.info.source) else ""
     who = f" · participant {reader.info.participant}" if reader.info.participant else ""
     figure.suptitle(f"haptigraph {reader.info.version} · {reader.info.source}{simulated}{who}", fontsize=10)
     try:

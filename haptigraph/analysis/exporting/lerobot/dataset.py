@@ -38,7 +38,7 @@ from haptigraph.analysis.exporting.lerobot.survey import Survey, survey_of
 from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.recording.header import losses_sentence
 from haptigraph.recording.writer import Progress
-from haptigraph.sources.naming import SIMULATED
+from haptigraph.sources.naming import is_simulated
 from haptigraph.version import __version__
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ class _Dataset:
         video, from_s = self._videos.begin_episode()
         images, times_s = ImageStatistics(), list[float]()
         values: dict[str, list[Sequence[Any]]] = {feature.name: [] for feature in self._survey.features}
-        is_simulated = table.reader.info.source.partition(":")[0] in SIMULATED
+        is_simulated = is_simulated(table.reader.info.source)
         for row in table.rows(images=True):
             self._videos.add(self._picture(table, row, images))
             times_s.append((row.step.stamp_ns - row.start_ns) / 1e9)
