@@ -155,7 +155,7 @@ def build(
             force=force,
             notes=run_notes(config, source, procedure, device, registration, perceiver_class, profile),
         )
-        loop.report.note_limits(registration.assumed, config.haptics.max_amplitude)
+        loop.report.note_limits(registration.assumed, config.haptics)
         undo.pop_all()
     return loop
 

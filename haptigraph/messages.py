@@ -22,7 +22,7 @@ __all__ = [
     "CERTAIN", "OFF", "STALE_IMAGE", "TIP_NOT_VISIBLE", "UNKNOWN", "CameraStamp", "Capabilities",
     "Capture", "Certainty", "Conclusion", "Delivered", "DepthImage", "Fault", "Follow", "ForceField",
     "ForceSample", "HandState", "HapticCommand", "Image", "ImageKind", "Observation", "Pattern",
-    "RobotSample", "Step", "Timing", "Truth", "Volume",
+    "RobotSample", "Step", "Timing", "Truth", "Volume", "reason",
 ]  # fmt: skip
 
 Image: TypeAlias = NDArray[np.uint8]
@@ -306,3 +306,12 @@ class Step(Struct, ShownAsHtml, frozen=True):
     def faults(self) -> tuple[Fault, ...]:
         """Faults in or before this step, without the ends of earlier ones."""
         return tuple([fault for fault in self.observation.faults if not fault.is_over])
+
+
+def reason(capture: Capture, step: Step) -> str:
+    """Return why a state was concluded, for people; its rule's sentence is true of images alone."""
+    has_image = capture.image is not None or capture.encoded is not None
+    if has_image or step.conclusion.state != UNKNOWN:
+        return step.conclusion.because
+    is_lost = any(fault.where == "source" for fault in step.faults)
+    return "there is no new image" if is_lost else "the images have ended"

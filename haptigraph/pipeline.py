@@ -295,6 +295,7 @@ class Loop:
     def _with_readings(self, capture: Capture) -> Capture:
         """Add what was measured beside the images since the previous capture."""
         if delivered := self.deliveries.take():
+            self.report.add_confirmed(delivered)
             capture = replace(capture, delivered=(*capture.delivered, *delivered))
         if self.robot and (robot := self.robot.take()):
             capture = replace(capture, robot=(*capture.robot, *robot))

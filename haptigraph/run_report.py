@@ -2,11 +2,15 @@
 
 import math
 from collections import Counter
+from collections.abc import Iterable
 
 import numpy as np
 from msgspec import Struct, field
 
+from haptigraph.config import HapticsConfig
 from haptigraph.display import ShownAsHtml
+from haptigraph.haptics.observed_device import confirms
+from haptigraph.messages import Delivered
 
 __all__ = ["STAGES", "Durations", "RunReport"]
 
@@ -57,6 +61,8 @@ class RunReport(Struct, ShownAsHtml):
     """What the registration assumes, by name."""
     is_output_off: bool = False
     """Whether the amplitude limit is 0, so that nothing can be felt."""
+    confirmed_s: dict[str, float] = field(default_factory=dict)
+    """How long each output confirmed that it vibrated; the outputs that confirm nothing are missing."""
     is_silent: bool = False
     """Whether the run is over, and the actuator raised no doubt that it is silent."""
 
@@ -67,9 +73,16 @@ class RunReport(Struct, ShownAsHtml):
         faults = f", faults: {self.faults.total()}" if self.faults else ""
         return f"<RunReport of {self.steps} steps, {self.rate_hz:.0f} steps/s{faults}; {self.ended}>"
 
-    def note_limits(self, assumed: tuple[str, ...], max_amplitude: float) -> None:
-        """Note what the registration assumes, and the limit of the amplitude."""
-        self.assumed, self.is_output_off = assumed, max_amplitude == 0
+    def note_limits(self, assumed: tuple[str, ...], haptics: HapticsConfig) -> None:
+        """Note what the registration assumes, the limit of the amplitude, and whether the device confirms."""
+        self.assumed, self.is_output_off = assumed, haptics.max_amplitude == 0
+        self.confirmed_s = {haptics.device: 0.0} if confirms(haptics.device) else {}
+
+    def add_confirmed(self, periods: Iterable[Delivered]) -> None:
+        """Add periods for which an output confirmed that it vibrated."""
+        for period in periods:
+            before_s = self.confirmed_s.get(period.output, 0.0)
+            self.confirmed_s[period.output] = before_s + (period.end_ns - period.start_ns) / 1e9
 
     @property
     def incomplete(self) -> str:

@@ -23,17 +23,18 @@ __all__ = ["diagram", "evidence", "explain", "figure"]
     metavar="SECONDS",
     help="Time since the first step; without it, what the whole recording is.",
 )
+@click.option("--all", "has_all", is_flag=True, help="Show what leads to every other state.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def explain(recording: str, at_s: float | None, as_json: bool) -> None:
+def explain(recording: str, at_s: float | None, has_all: bool, as_json: bool) -> None:
     """Explain one moment of RECORDING: the rule that fired, its evidence, and the nearest other state.
 
     Without --at it says what RECORDING is: when, by which version, from which source, with which procedure
     and settings it was recorded, how long it is, and what failed.
 
-    For every other state it shows the shortest motion of the needle that leads there: a turn about the
-    trocar, then a motion along the shaft, with the states on the way. The runner-up is the nearest. Without
-    a needle, or for forceps and B-scans, it shows the smallest change of measures instead. It names what had
-    failed at that moment, such as the haptic device, and since when.
+    The runner-up is the nearest other state, with the shortest motion of the needle that leads there: a turn
+    about the trocar, then a motion along the shaft, with the states on the way. Without a needle, or for
+    forceps and B-scans, it is the one with the smallest change of measures. It names what had failed at that
+    moment, such as the haptic device, and since when.
     """
     import msgspec
 
@@ -46,7 +47,8 @@ def explain(recording: str, at_s: float | None, as_json: bool) -> None:
         click.echo(msgspec.json.encode(about).decode() if as_json else "\n".join(about_lines(about)))
         return
     explanation = explain_moment(recording, at_s)
-    click.echo(msgspec.json.encode(explanation).decode() if as_json else explanation_text(explanation))
+    text = explanation_text(explanation, has_all=has_all)
+    click.echo(msgspec.json.encode(explanation).decode() if as_json else text)
 
 
 @click.command(

@@ -77,6 +77,17 @@ def next_change_ns(command: HapticCommand, stamp_ns: int) -> int | None:
     return start_ns + on_ns if stamp_ns - start_ns < on_ns else start_ns + period_ns
 
 
+def vibrating_ns(command: HapticCommand, from_ns: int, until_ns: int) -> int:
+    """Return how long the amplitude is above 0 within a period."""
+    total_ns, at_ns = 0, from_ns
+    while at_ns < until_ns:
+        change_ns = next_change_ns(command, at_ns)
+        end_ns = until_ns if change_ns is None else min(change_ns, until_ns)
+        total_ns += (end_ns - at_ns) * (amplitude_at(command, at_ns) > 0)
+        at_ns = end_ns
+    return total_ns
+
+
 def min_interval_ms(capabilities: Capabilities) -> float:
     """Return the minimum interval between changes that a device accepts; 0 if there is none."""
     return 1000.0 / capabilities.max_rate_hz if capabilities.max_rate_hz else 0.0

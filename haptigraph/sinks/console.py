@@ -8,7 +8,7 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import TextIO
 
-from haptigraph.messages import Capture, Fault, Step
+from haptigraph.messages import Capture, Fault, Step, reason
 from haptigraph.sinks.stale_images import StaleImages, is_stale
 
 __all__ = ["ConsoleSink"]
@@ -60,7 +60,7 @@ class ConsoleSink:
             self._state = step.conclusion.state
             forces = ", ".join(step.conclusion.forces)
             exerts = f"; force: {forces}" if forces else ""
-            self._print(f"{time_s:7.2f} s  {self._state:34} {step.conclusion.because}{exerts}")
+            self._print(f"{time_s:7.2f} s  {self._state:34} {reason(capture, step)}{exerts}")
         if self._shows_time and int(time_s) != self._second:
             self._second = int(time_s)
             self._put(f"{self._clear}{time_s:7.2f} s  ...")

@@ -13,7 +13,7 @@ LONG_NS = 1_000_000_000
 """A longer loss is printed in any case: it may be a camera that is gone."""
 FREQUENT_STALE = (
     "images are late again and again: this machine is too slow or too busy, or the source is too slow; "
-    "from now on only the number of stale images is printed"
+    "from now on only their number is printed, and no unknown state of less than 1 s"
 )
 
 

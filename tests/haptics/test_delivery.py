@@ -5,11 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from haptigraph.analysis.metrics.run import measure_run
+from haptigraph.analysis.metrics.run import RunMeasures, measure_run
+from haptigraph.analysis.metrics.summary import summary
 from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.assemble import build
 from haptigraph.clock import VirtualClock
-from haptigraph.config import load_config
+from haptigraph.config import HapticsConfig, load_config
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.errors import DeviceError
 from haptigraph.haptics.console import ConsoleDevice
@@ -114,3 +115,21 @@ def test_a_page_reports_no_vibration_in_the_future_and_none_without_length(start
     for period in hub.deliveries.take():
         assert period.start_ns < period.end_ns <= clock.now_ns()
         assert (period.end_ns - period.start_ns) / MS <= end_ms - start_ms + 1e-3
+
+
+def test_a_run_reports_what_was_confirmed_beside_what_was_commanded(quick_uri):
+    loop = build(load_config(None, (f"source.uri={quick_uri}", "run.realtime=false")))
+    assert loop.report.confirmed_s == {}
+    loop.report.note_limits((), HapticsConfig(device="serial:x"))
+    measures, at_ns = RunMeasures(), 0
+    for number, step in enumerate(loop.steps()):
+        measures.add(step)
+        if number in (40, 50):
+            loop.deliveries.add(Delivered(at_ns, at_ns + 70 * MS, "serial:x"))
+    assert loop.report.confirmed_s == {"serial:x": pytest.approx(0.14)}
+    assert measures.vibrating_s["low"] > 2 and "off" not in measures.vibrating_s
+    lines = summary(measures, loop.report).splitlines()
+    at = next(number for number, line in enumerate(lines) if line.startswith("vibration"))
+    assert f"low {measures.vibrating_s['low']:.2f} s" in lines[at]
+    assert lines[at + 1].split() == ["confirmed", "for", "0.14", "s", "by", "serial:x"]
+    assert "confirmed" not in summary(measures) and "vibration       none" in summary(RunMeasures())

@@ -12,6 +12,7 @@ from haptigraph.haptics.pattern import (
     fit_to_device,
     next_change_ns,
     unsupported,
+    vibrating_ns,
     with_weakest,
 )
 from haptigraph.messages import OFF, Capabilities, HapticCommand, Pattern
@@ -51,6 +52,15 @@ def test_the_amplitude_is_0_before_the_start_and_never_exceeds_that_of_the_patte
     amplitude = amplitude_at(HapticCommand(0, pattern, 0), stamp_ns)
     assert amplitude in (0.0, pattern.amplitude)
     assert amplitude == 0 or stamp_ns >= 0
+
+
+@given(patterns, st.integers(-(10**9), 10**9), st.integers(0, 2 * 10**9), st.integers(0, 10**9))
+def test_vibrating_times_add_up_and_never_exceed_the_period(pattern, from_ns, first_ns, more_ns):
+    command = HapticCommand(0, pattern, 0)
+    middle_ns, end_ns = from_ns + first_ns, from_ns + first_ns + more_ns
+    whole_ns = vibrating_ns(command, from_ns, end_ns)
+    assert whole_ns == vibrating_ns(command, from_ns, middle_ns) + vibrating_ns(command, middle_ns, end_ns)
+    assert 0 <= whole_ns <= end_ns - from_ns
 
 
 @given(patterns, st.integers(-(10**9), 10**9), st.integers(-(10**9), 2 * 10**9))

@@ -1,6 +1,7 @@
 import io
 import threading
 
+import numpy as np
 from helpers import MS, make_step
 from msgspec.structs import replace
 
@@ -49,6 +50,27 @@ def test_the_forces_of_a_state_are_named():
     assert stream.getvalue().strip().endswith("because; force: guide, floor")
 
 
+def test_a_state_without_image_says_that_there_is_none():
+    stream = io.StringIO()
+    sink = ConsoleSink(stream)
+    image, lost = np.zeros((2, 2), np.uint8), (Fault("source", "camera:0 is gone"),)
+    for ms, shown, state, faults in (
+        (0, image, "unknown", ()),
+        (33, image, "a", ()),
+        (66, None, "unknown", lost),
+        (99, image, "a", ()),
+        (132, None, "unknown", ()),
+    ):
+        sink.write(Capture(0, ms * MS, shown), make_step(stamp_ns=ms * MS, state=state, faults=faults))
+    sink.close()
+    unknown = [line for line in stream.getvalue().splitlines() if "unknown" in line]
+    assert [line.split("unknown")[1].strip() for line in unknown] == [
+        "because",
+        "there is no new image",
+        "the images have ended",
+    ]
+
+
 def printed(shown: str) -> list[str]:
     """What a run prints, one letter a 100 ms: a state, or "-" for a stale image."""
     stream = io.StringIO()
@@ -59,7 +81,8 @@ def printed(shown: str) -> list[str]:
         stamp_ns = number * 100 * MS
         sink.write(Capture(0, stamp_ns, None), make_step(stamp_ns=stamp_ns, state=state, faults=faults))
     sink.close()
-    return [line.removesuffix("because").strip() for line in stream.getvalue().splitlines()]
+    lines = stream.getvalue().splitlines()
+    return [line.removesuffix("because").removesuffix("there is no new image").strip() for line in lines]
 
 
 PAIR = [

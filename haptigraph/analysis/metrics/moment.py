@@ -27,6 +27,9 @@ from haptigraph.registration.assumed import assumed_text
 
 __all__ = ["Explanation", "Held", "Reason", "explain_graph", "explain_moment", "explanation_text"]
 
+ROUNDED_S = 0.005
+"""A time this shortly before a step means the step: logs and tables print two digits."""
+
 
 class Reason(Struct, frozen=True):
     """One condition of a rule, and whether it held."""
@@ -93,7 +96,7 @@ def explain_moment(path: str | Path, at_s: float) -> Explanation:
         first_ns = step.stamp_ns if first_ns is None else first_ns
         last_ns = step.stamp_ns
         step_s = (step.stamp_ns - first_ns) / 1e9
-        if found is not None and 0 <= at_s < step_s - 1e-9:
+        if found is not None and 0 <= at_s < step_s - ROUNDED_S:
             break
         found = step
         spans.add(len(times_s), step)
@@ -153,8 +156,8 @@ def explain_graph(
     )
 
 
-def explanation_text(explanation: Explanation) -> str:
-    """Return an explanation as several lines of text."""
+def explanation_text(explanation: Explanation, *, has_all: bool = True) -> str:
+    """Return an explanation as several lines of text, with all other states or the nearest alone."""
     moment = explanation
     by_graph = f"{moment.state}, rule {moment.priority}, feels {moment.feel!r}: {moment.because}"
     lines = [
@@ -174,8 +177,10 @@ def explanation_text(explanation: Explanation) -> str:
     lines += _section("not fired", not_fired)
     if moment.runner_up is not None:
         lines += _section("runner-up", change_text(moment.runner_up))
-    for change in moment.others:
+    for change in moment.others if has_all else ():
         lines += _section("or", change_text(change))
+    if moment.others and not has_all:
+        lines += _section("or", [f"{len(moment.others)} more states: --all shows what leads to them"])
     if moment.motion:
         lines += _section("motion", [f"not considered: {moment.motion}"])
     return "\n".join(lines)

@@ -11,6 +11,7 @@ from msgspec import Struct, field
 from haptigraph.analysis.metrics.in_space import InSpace
 from haptigraph.analysis.metrics.temporal import ClaimResult, Monitor
 from haptigraph.graph import Triplet
+from haptigraph.haptics.pattern import vibrating_ns
 from haptigraph.inference.procedure import Procedure
 from haptigraph.inference.span import RunSpan
 from haptigraph.messages import TIP_NOT_VISIBLE, Step
@@ -35,6 +36,8 @@ class RunMeasures(Struct):
     """States in the order they were traversed between start and end."""
     contacts: int = 0
     """How often the state of unintended contact was entered between start and end."""
+    vibrating_s: dict[str, float] = field(default_factory=dict)
+    """Time with a commanded amplitude above 0 over all steps, by pattern."""
     theta_s: float = 0.0
     theta_integral: float = 0.0
     last: Step | None = None
@@ -132,6 +135,10 @@ class RunMeasures(Struct):
     def _account(self, step: Step, duration_s: float) -> None:
         state = step.conclusion.state
         self.all_state_s[state] = self.all_state_s.get(state, 0.0) + duration_s
+        command, until_ns = step.command, step.stamp_ns + round(duration_s * 1e9)
+        if on_ns := vibrating_ns(command, step.stamp_ns, until_ns):
+            pattern = command.pattern.name
+            self.vibrating_s[pattern] = self.vibrating_s.get(pattern, 0.0) + on_ns / 1e9
         if self.is_running:
             self.state_s[state] = self.state_s.get(state, 0.0) + duration_s
             theta_deg = step.graph.measures.get("theta_deg")

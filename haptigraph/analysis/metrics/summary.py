@@ -18,6 +18,7 @@ def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
     """
     lines = [*_run_lines(measures), *assumed_lines(report.assumed if report else ()), *_tip_lines(measures)]
     lines += measures.in_space.lines
+    lines += _vibration_lines(measures, report)
     if report and report.is_output_off:
         lines.append("haptic output   off: claims are about what was commanded")
     lines += [*claim_lines(measures.claims, measures.first_ns), ""]
@@ -53,6 +54,19 @@ def _tip_lines(measures: RunMeasures) -> list[str]:
         return []
     share = f"{count} of {total} steps ({100 * count / total:.1f} %)"
     return [f"tip             not visible in {share}, for up to {measures.longest_tipless_s:.2f} s"]
+
+
+def _vibration_lines(measures: RunMeasures, report: RunReport | None) -> list[str]:
+    """Return how long vibration was commanded, and how long an output confirmed it."""
+    patterns = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in measures.vibrating_s.items())
+    commanded = (
+        f"commanded for {sum(measures.vibrating_s.values()):.2f} s ({patterns})" if patterns else "none"
+    )
+    confirmed = [f"{s:.2f} s by {output}" for output, s in report.confirmed_s.items()] if report else []
+    lines = [f"vibration       {commanded}"]
+    return (
+        [*lines, f"                confirmed for {', '.join(confirmed)}"] if patterns and confirmed else lines
+    )
 
 
 def _loop_lines(report: RunReport) -> list[str]:

@@ -30,7 +30,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
 from haptigraph.graph import Triplet
 from haptigraph.haptics.observed_device import confirms
-from haptigraph.haptics.pattern import amplitude_at, next_change_ns
+from haptigraph.haptics.pattern import vibrating_ns
 from haptigraph.inference.span import RunSpan
 from haptigraph.messages import Delivered, HapticCommand, Step
 from haptigraph.recording.reader import RunReader
@@ -182,15 +182,10 @@ def _motion(movements: list[Movement], *, is_whole: bool) -> dict[str, float | N
 
 def _vibrating_s(samples: list[_Sample]) -> float:
     """Return the time with a commanded amplitude above 0; the guard may have limited it."""
-    total_ns = 0
-    for sample, after in pairwise(samples):
-        at_ns: int | None = sample.command.stamp_ns
-        end_ns = after.command.stamp_ns
-        while at_ns is not None and at_ns < end_ns:
-            until_ns = next_change_ns(sample.command, at_ns)
-            until_ns = end_ns if until_ns is None else min(until_ns, end_ns)
-            total_ns += (until_ns - at_ns) * (amplitude_at(sample.command, at_ns) > 0)
-            at_ns = until_ns
+    total_ns = sum(
+        vibrating_ns(sample.command, sample.command.stamp_ns, after.command.stamp_ns)
+        for sample, after in pairwise(samples)
+    )
     return total_ns / 1e9
 
 

@@ -17,7 +17,7 @@ from haptigraph.analysis.plots.series import Series, read_series
 from haptigraph.analysis.plots.video_file import new_video
 from haptigraph.errors import BadInput
 from haptigraph.figures import Figure, FigureCanvasAgg, to_rgb
-from haptigraph.messages import Capture, Step
+from haptigraph.messages import Capture, Step, reason
 from haptigraph.perception.eye_view import view_of
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
@@ -115,7 +115,7 @@ class _Pictures:
         )
         _part(pixels, STRIP)[:] = self._strip.at(time_s)
         self._state.set_text(state.replace("_", " "))
-        self._reason.set_text("; ".join([step.conclusion.because, *(fault.message for fault in step.faults)]))
+        self._reason.set_text("; ".join([reason(capture, step), *(fault.message for fault in step.faults)]))
         self._time.set_text(f"{time_s:.2f} s")
         texts = [self._state, self._reason, self._time]
         for text in texts:

@@ -1,13 +1,17 @@
 """A recorded run as columns for figures: times, steps, intervals of one state, commanded amplitude."""
 
+from typing import Any
+
+import msgspec
 from msgspec import Struct
 
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
+from haptigraph.haptics.observed_device import confirms
 from haptigraph.haptics.pattern import amplitude_at
 from haptigraph.inference.colors import Paint, palette
 from haptigraph.inference.procedure import Procedure
-from haptigraph.messages import Step
+from haptigraph.messages import Delivered, Step
 from haptigraph.recording.reader import RunReader
 
 __all__ = ["Series", "read_series", "series_of"]
@@ -24,6 +28,8 @@ class Series(Struct):
     procedure: Procedure
     paints: dict[str, Paint]
     """By state."""
+    confirmed_s: list[tuple[float, float]] | None = None
+    """When an output confirmed that it vibrated [s]; None: no output of the run confirms anything."""
 
     def color(self, state: str) -> str:
         """Return the colour of a state."""
@@ -85,10 +91,20 @@ def read_series(reader: RunReader) -> Series:
     Raises:
         BadInput: If it has no complete step.
     """
-    steps = [step for _, step in reader.records(images=())]
+    steps, periods = list[Step](), list[Delivered]()
+    for capture, step in reader.records(images=()):
+        steps.append(step)
+        periods.extend(capture.delivered)
     if not steps:
         raise BadInput("has no complete step to draw", reader.path)
-    return series_of(steps, parse_procedure(reader.info.procedure, f"procedure in {reader.path}"))
+    series = series_of(steps, parse_procedure(reader.info.procedure, f"procedure in {reader.path}"))
+    config: dict[str, Any] = msgspec.json.decode(reader.info.config)
+    if periods or confirms(config.get("haptics", {}).get("device", "")):
+        first_ns = steps[0].stamp_ns
+        series.confirmed_s = [
+            ((one.start_ns - first_ns) / 1e9, (one.end_ns - first_ns) / 1e9) for one in periods
+        ]
+    return series
 
 
 def series_of(steps: list[Step], procedure: Procedure) -> Series:

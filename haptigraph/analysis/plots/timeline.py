@@ -143,10 +143,13 @@ def _draw_distances(axes: Axes, series: Series, names: list[str]) -> None:
 
 def _draw_haptics(axes: Axes, series: Series) -> None:
     fine_s, amplitude = series.amplitudes()
-    axes.fill_between(fine_s, amplitude, step="post", color=COLORS["purple"], linewidth=0, label="amplitude")
-    failed_s = series.device_faults_s()
-    if failed_s:  # what was commanded was perhaps not played
-        label = "device fault"
-        axes.plot(failed_s, [1.0] * len(failed_s), "x", color=COLORS["red"], markersize=5, label=label)
-        axes.legend(**ABOVE, ncols=2, frameon=False)
-    axes.set(ylabel="amplitude", ylim=(0, 1.1))
+    purple, red, black = COLORS["purple"], COLORS["red"], COLORS["black"]
+    axes.fill_between(fine_s, amplitude, step="post", color=purple, linewidth=0, label="commanded")
+    if series.confirmed_s is not None:  # the guard, or the device, may have played less
+        spans = [(start_s, end_s - start_s) for start_s, end_s in series.confirmed_s]
+        label = f"confirmed: {sum(width_s for _, width_s in spans):.2f} s"
+        axes.broken_barh(spans, (1.05, 0.1), color=black, linewidth=0, label=label)
+    if failed_s := series.device_faults_s():
+        axes.plot(failed_s, [1.0] * len(failed_s), "x", color=red, markersize=5, label="device fault")
+    axes.legend(**ABOVE, ncols=3, frameon=False)
+    axes.set(ylabel="amplitude", ylim=(0, 1.2))

@@ -151,6 +151,7 @@ class RecordingFolder:
         time_ms = (step.stamp_ns - run.start_ns) / 1e6
         commanded_ns = step.timing.commanded_ns if step.timing else step.stamp_ns
         header = image_header(
+            capture,
             step,
             run.moving,
             run.view,

@@ -214,6 +214,7 @@ class Hub:
         if capture.image is not None:
             picture = encode_jpeg(view(capture.image, step.observation.found), JPEG_QUALITY)
         header = image_header(
+            capture,
             step,
             self._moving,
             view,

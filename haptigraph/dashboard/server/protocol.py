@@ -8,7 +8,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from haptigraph.analysis.metrics.in_space import in_space_text
 from haptigraph.geometry import Geometry
 from haptigraph.graph import Names
-from haptigraph.messages import HandState, Step
+from haptigraph.messages import Capture, HandState, Step, reason
 from haptigraph.perception.eye_view import EyeView
 from haptigraph.teleop.motion import HandMotion, MotionScale, TremorMm
 
@@ -194,10 +194,13 @@ def pack(content: ImageHeader | dict[str, Any], data: bytes) -> bytes:
     return len(text).to_bytes(4, "big") + text + data
 
 
-def image_header(step: Step, moving: frozenset[str], view: EyeView, **more: Any) -> ImageHeader:
+def image_header(
+    capture: Capture, step: Step, moving: frozenset[str], view: EyeView, **more: Any
+) -> ImageHeader:
     """Return the header of a step.
 
     Args:
+        capture: What the step was made of.
         step: The step.
         moving: Names of the entities to include; the page has the others already.
         view: The view in which they are drawn.
@@ -210,7 +213,7 @@ def image_header(step: Step, moving: frozenset[str], view: EyeView, **more: Any)
     return ImageHeader(
         index=step.index,
         state=conclusion.state,
-        because=conclusion.because,
+        because=reason(capture, step),
         feel=conclusion.feel,
         plays=step.command.pattern.name,
         forces=tuple(force.name for force in step.command.forces),

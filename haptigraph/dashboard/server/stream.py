@@ -71,7 +71,7 @@ def measures_json(measures: RunMeasures, start_ns: int) -> dict[str, Any]:
         "mean_theta_deg": measures.mean_theta_deg,
         "contacts": measures.contacts,
         "changes": measures.state_changes,
-        "claims": [{"name": one.name, "broken": one.broken} for one in measures.claims],
+        "claims": [{"name": one.name, "cases": one.cases, "broken": one.broken} for one in measures.claims],
         "steps": measures.steps,
         "tipless_steps": measures.tipless_steps,
         "longest_tipless_s": measures.longest_tipless_s,

@@ -40,6 +40,14 @@ def test_faults_of_the_device_are_marked(series):
     assert sum("device fault" in labels for labels in drawn(faulty).values()) == 1
 
 
+def test_what_an_output_confirmed_is_drawn_beside_what_was_commanded(series):
+    assert drawn(series)["haptic output"] == ["commanded"]
+    silent = Series(series.time_s, series.steps, series.procedure, series.paints, [])
+    assert drawn(silent)["haptic output"] == ["commanded", "confirmed: 0.00 s"]
+    felt = Series(series.time_s, series.steps, series.procedure, series.paints, [(1.0, 1.5), (2.0, 2.25)])
+    assert drawn(felt)["haptic output"] == ["commanded", "confirmed: 0.75 s"]
+
+
 def drawn(series: Series, other: Series | None = None) -> dict[str, list[str]]:
     """Return the labels of every panel by its title."""
     figure = Figure()

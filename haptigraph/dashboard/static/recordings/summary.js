@@ -26,7 +26,7 @@ export function showMeasures(run, other) {
   const names = [...new Set(measures.flatMap((m) => m.claims.map((claim) => claim.name)))];
   const claims = names.map((name) => [name, ...measures.map((m) => {
     const claim = m.claims.find((each) => each.name === name);
-    return claim === undefined ? "–" : claim.broken ? `broken ${claim.broken} ×` : "kept";
+    return claim === undefined ? "–" : claim.broken ? `broken ${claim.broken} ×` : claim.cases ? "kept" : "not exercised";
   })]);
   if (claims.length) claims.unshift(["claims about time"]);
   const body = [...rows, ...times("in the run", "state_s"), ...times("in the whole recording", "all_state_s"), ...claims];

@@ -67,7 +67,7 @@ interface HapticOutput { play(level: HapticLevel, until_ms: number, now_ms: numb
 
 interface Measures {
   ends_in: string, started_ms: number | null, ended_ms: number | null, completion_s: number | null,
-  mean_theta_deg: number | null, contacts: number, changes: number, claims: { name: string, broken: number }[],
+  mean_theta_deg: number | null, contacts: number, changes: number, claims: { name: string, cases: number, broken: number }[],
   steps: number, tipless_steps: number, longest_tipless_s: number,
   state_s: Record<string, number>, all_state_s: Record<string, number>, length_s: number,
 }
