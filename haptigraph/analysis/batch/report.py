@@ -18,6 +18,7 @@ from haptigraph.files import write_files
 __all__ = ["write_report"]
 
 MEASURED = ("_mm", "_deg")
+MAX_PRINTED = 10  # recordings that were passed over
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
 table { border-collapse: collapse; } td, th { padding: .2rem .8rem .2rem 0; text-align: left; }
@@ -56,7 +57,12 @@ def write_report(batch: Batch, page: str) -> list[str]:
                 table.writerow({"recording": row.recording, "problem": row.problem, **_flat(row.result)})
     lines = list(_lines(totals))
     write_files([batch.output / "report.html"], [_html(batch, totals, lines, page).encode()])
-    return lines
+    more = totals.passed_over - MAX_PRINTED
+    return [
+        *lines,
+        *(f"passed over: {name}: {why}" for name, why in totals.problems[:MAX_PRINTED]),
+        *([f"and {more} more: recordings.csv"] if more > 0 else []),
+    ]
 
 
 def _columns(rows: Iterator[Row]) -> list[str]:
