@@ -29,7 +29,8 @@ RADII_RATIO, RADII = (0.3, 1.5), 60  # of the rim's radius: what is compared to 
 RETURN_PX = 0.7  # between a point and where it comes back to
 CORRELATED_POINTS = 4.0  # neighbouring details have errors in common
 PORT_MATCH_DEG = 8.0
-RIM_SD_PX = 0.3
+RIM_SD_PX, MIN_CENTER_SD_PX = 0.3, 0.02  # of the centre of a rim and of one edge, at least
+QUARTERS = 4  # of an edge: a shade beside it that is taken for it is no longer
 PORT_SD_DEG = 1.2
 """Standard deviation of the angle of a port opening."""
 
@@ -151,14 +152,31 @@ def by_rim(view: View) -> Motion | None:
 
 
 def _center(rim: Rim) -> tuple[Vec, float]:
-    """Return the centre of both edges of the wall, and its standard deviation: half of what they differ by.
+    """Return the centre of the wall, and its standard deviation: the weighted mean of its edges' centres.
 
-    An edge with little contrast may be taken for a nearby change of shade.
+    What they differ by counts, too.
     """
-    if rim.outer is None:
-        return rim.inner.center_px, RIM_SD_PX
-    (ax, ay), (bx, by) = rim.inner.center_px, rim.outer.center_px
-    return ((ax + bx) / 2, (ay + by) / 2), max(RIM_SD_PX, math.hypot(ax - bx, ay - by) / 2)
+    edges = [edge for edge in (rim.inner, rim.outer) if edge is not None]
+    centers = np.array([edge.center_px for edge in edges])
+    weights = np.array([1 / max(_center_sd_px(edge), MIN_CENTER_SD_PX) ** 2 for edge in edges])
+    x, y = weights @ centers / weights.sum()
+    squared = weights @ ((centers - [x, y]) ** 2).sum(axis=1) / weights.sum()
+    return (float(x), float(y)), max(RIM_SD_PX, float(weights.sum()) ** -0.5, math.sqrt(float(squared)))
+
+
+def _center_sd_px(edge: Edge) -> float:
+    """Return the standard deviation of an edge's centre: by how it changes without a quarter of the edge.
+
+    An edge with little contrast may be taken for a shade beside it, and all its points there err alike.
+    """
+    turns = [one(order * edge.angles) for order in (1, 2) for one in (np.cos, np.sin)]
+    design = np.column_stack([np.ones_like(edge.angles), *turns])
+    quarter = (edge.angles / (2 * math.pi) * QUARTERS).astype(int) % QUARTERS
+    others = [quarter != number for number in np.unique(quarter)]
+    if len(others) < QUARTERS - 1:
+        return edge.radius_px
+    moves = [np.linalg.lstsq(design[one], edge.offsets_px[one], rcond=None)[0][1:3] for one in others]
+    return math.sqrt((len(others) - 1) * float(np.var(moves, axis=0).sum()))
 
 
 def turned_ports_deg(view: View) -> list[float]:
