@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from rig_pictures import view, with_shaft
 from rig_setups import simulated_setup, warped
 
-from haptigraph.analysis.rig_check.clip import clip_of
-from haptigraph.analysis.rig_check.motion import by_reference, by_rim
-from haptigraph.analysis.rig_check.view import view_of
-from haptigraph.messages import Capture
+from haptigraph.analysis.rig_check.motion import by_reference, by_rim, turned_ports
+from haptigraph.analysis.rig_check.position import residuals
 
 SEED = 9102
 
@@ -16,11 +15,6 @@ SEED = 9102
 @pytest.fixture(scope="module")
 def sound():
     return simulated_setup(0, SEED, has_mark=False, has_reference=True)
-
-
-def view(setup):
-    captures = [Capture(number, number * 33_000_000, image) for number, image in enumerate(setup.images[:9])]
-    return view_of(clip_of(captures, setup.registration, 30.0), setup.registration)
 
 
 @pytest.mark.parametrize(
@@ -72,3 +66,13 @@ def test_a_shade_beside_the_rim_does_not_hide_a_motion():
     assert abs(still.shift_px) < 1.5
     assert moved.shift_sd_px < 0.5
     assert moved.shift_px == pytest.approx(4.0, abs=1.5)
+
+
+@pytest.mark.parametrize("turn_deg", [-25.0, 25.0])
+def test_a_port_opening_behind_a_shaft_is_less_certain(turn_deg):
+    sound = simulated_setup(4, SEED, has_mark=False, has_reference=False)
+    occluded = view(with_shaft(sound, turn_deg, 40))
+    used, other = turned_ports(occluded)
+    assert used.sd_deg > other.sd_deg
+    assert abs(used.turn_deg) < 2 * used.sd_deg
+    assert residuals(occluded).findings == ()

@@ -4,12 +4,10 @@ import cv2
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from rig_pictures import view
 from rig_setups import simulated_setup
 
-from haptigraph.analysis.rig_check.clip import clip_of
 from haptigraph.analysis.rig_check.target import found_mark, target
-from haptigraph.analysis.rig_check.view import view_of
-from haptigraph.messages import Capture
 
 SEED = 9104
 AT_DEG, HALF_MM = 30.0, 0.8
@@ -18,11 +16,6 @@ AT_DEG, HALF_MM = 30.0, 0.8
 @pytest.fixture(scope="module")
 def sound():
     return simulated_setup(0, SEED, has_mark=False, has_reference=False)
-
-
-def view(setup):
-    captures = [Capture(number, number * 33_000_000, image) for number, image in enumerate(setup.images[:9])]
-    return view_of(clip_of(captures, setup.registration, 30.0), setup.registration)
 
 
 def painted(setup, off_mm, gain, half_mm=HALF_MM):
