@@ -149,11 +149,11 @@ def by_rim(view: View) -> Motion | None:
         return None
     center_px, sd_px = _center(view.rim)
     registered_px, radius_px = view.center_px, view.radius_px
-    scale_sd = _sds_px(view.rim.inner).radius / radius_px
+    scale_sd = _sds(view.rim.inner).radius_px / radius_px
     if (reference := view.reference_rim) is not None:
         (registered_px, reference_sd_px), radius_px = _center(reference), reference.inner.radius_px
         sd_px = math.hypot(sd_px, reference_sd_px)
-        scale_sd = math.hypot(scale_sd, _sds_px(reference.inner).radius / radius_px)
+        scale_sd = math.hypot(scale_sd, _sds(reference.inner).radius_px / radius_px)
     turned = turned_ports(view)
     precisions = np.array([port.sd_deg**-2 for port in turned])
     return Motion(
@@ -174,20 +174,20 @@ def _center(rim: Rim) -> tuple[Vec, float]:
     """
     edges = [edge for edge in (rim.inner, rim.outer) if edge is not None]
     centers = np.array([edge.center_px for edge in edges])
-    weights = np.array([1 / max(_sds_px(edge).center, MIN_CENTER_SD_PX) ** 2 for edge in edges])
+    weights = np.array([1 / max(_sds(edge).center_px, MIN_CENTER_SD_PX) ** 2 for edge in edges])
     x, y = weights @ centers / weights.sum()
     squared = weights @ ((centers - [x, y]) ** 2).sum(axis=1) / weights.sum()
     return (float(x), float(y)), max(RIM_SD_PX, float(weights.sum()) ** -0.5, math.sqrt(float(squared)))
 
 
 class _CircleSds(NamedTuple):
-    """Standard deviations [px]."""
+    """Standard deviations."""
 
-    radius: float
-    center: float
+    radius_px: float
+    center_px: float
 
 
-def _sds_px(edge: Edge) -> _CircleSds:
+def _sds(edge: Edge) -> _CircleSds:
     """Return the standard deviations of an edge's circle: by how it changes without a quarter of the edge.
 
     An edge with little contrast may be taken for a shade beside it, and all its points there err alike.
