@@ -22,9 +22,8 @@ MAX_MOVED_MM, MAX_MOVED_PX = 0.15, 1.5
 SCALE_RANGE = 0.985, 1.035  # of the rim against the registered circle
 REFERENCE_SCALE_RANGE = 0.99, 1.01  # of the rim against that of the reference image
 MAX_RESIDUAL_MM, MAX_RESIDUAL_PX = 0.15, 1.0
-MAX_PORT_MM = (
-    0.1  # along the wall, and two standard deviations of a port opening: 0.5 mm, 1.3 mm behind a shaft
-)
+MAX_PORT_MM = 0.1
+"""Along the wall, besides two standard deviations of a port opening: 0.5 mm, or 1.3 mm behind a shaft."""
 MIN_SUPPORT = 0.6
 MAX_LAYER_MM = 0.3  # of a registered retina before the wall: a thicker one is not at the rim
 
