@@ -80,8 +80,8 @@ def _difference_lines(report: "ReplayReport") -> list[str]:
     if by is not None and by <= ROUNDING and not report.states.steps + report.haptics.steps:
         return [
             *lines,
-            f"{identical}; in the others numbers differ in their last digits, by at most {by:.1g}: states and "
-            "haptic output are the same (documentation: Recordings, Exactness)",
+            f"{identical}; in the others numbers differ in their last digits, by at most {by:.1g}: states "
+            "and haptic output are the same (documentation: Recordings, Exactness)",
             f"first difference: {where}",
         ]
     return [
@@ -103,7 +103,7 @@ def _page_lines(recording: Path, procedure: str, report: "ReplayReport") -> str:
         moment_address(recording.name, step=report.states.first_step, procedure=known),
     ]
     if not known:
-        lines.append(f"copy {Path(procedure).name} into {folder} and replay again: the address then shows the comparison")
+        lines.append(f"copy {Path(procedure).name} into {folder} and replay again: then the address compares")
     return "\n".join(lines)
 
 

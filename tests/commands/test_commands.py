@@ -87,7 +87,9 @@ def test_replay_under_another_procedure_says_what_differs_and_where_to_see_it(re
         states,
     )[1]
     assert identical == "haptic output differs in no step"
-    assert re.match(r"\d+ of 117 steps identical; the others differ at least in a relation or a number", first)
+    assert re.match(
+        r"\d+ of 117 steps identical; the others differ at least in a relation or a number", first
+    )
     assert "first difference: step" in result.output
     assert "edges needle_tip approaching retina_surface" in result.output
     assert "{" not in result.output  # no raw JSON

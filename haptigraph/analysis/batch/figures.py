@@ -33,7 +33,14 @@ def paired_bars(values: Sequence[Mapping[str, float]], names: Sequence[str], uni
         parts.append(text_svg(LEFT_PX - 10, y + 17, name.replace("_", " "), anchor="end"))
         for at, (each, color) in enumerate(zip(values, COLORS, strict=True)):
             value = each.get(name, 0)
-            parts.append(_bar(y + (BAR_PX + 1) * at, value / largest, color, f"{value:.2f} s" if unit == "s" else f"{value} {unit}"))
+            parts.append(
+                _bar(
+                    y + (BAR_PX + 1) * at,
+                    value / largest,
+                    color,
+                    f"{value:.2f} s" if unit == "s" else f"{value} {unit}",
+                )
+            )
     return _svg(24 + ROW_PX * len(rows), parts)
 
 

@@ -57,8 +57,8 @@ def batch(
     evaluate: the errors of perception, in simulated recordings. export: a table or a video of each.
 
     OUT receives report.html and recordings.csv. A damaged recording is reported and passed over. After an
-    interruption, run it again to resume: recordings that have not changed are not done again, and the report is
-    renewed.
+    interruption, run it again to resume: recordings that have not changed are not done again. The
+    report is written anew each time.
     """
     from haptigraph.analysis.batch.batch import Batch, run_batch
     from haptigraph.analysis.batch.report import write_report
@@ -77,9 +77,7 @@ def batch(
             progress=progress,
         )
     lines = write_report(spec, page or PAGE)
-    click.echo(
-        f"{counted(ran.now)} now, in {time.perf_counter() - start_s:.0f} s; {ran.before} done before"
-    )
+    click.echo(f"{counted(ran.now)} now, in {time.perf_counter() - start_s:.0f} s; {ran.before} done before")
     if ran.being_written:
         click.echo(f"{counted(ran.being_written)} left for later: still being recorded")
     for line in lines:

@@ -130,7 +130,7 @@ def test_a_procedure_is_the_same_wherever_its_file_is_and_links_compare_once_the
         page = (tmp_path / "out" / "report.html").read_text()
         assert "&amp;with=wide.toml" in page and "copy wide.toml" not in page
     copy.write_text(copy.read_text().replace("= 4.0", "= 5.0"))
-    with pytest.raises(BadInput, match="another batch: procedure was sha256 [0-9a-f]{64}, is sha256"):
+    with pytest.raises(BadInput, match=r"another batch: procedure was sha256 .*, is sha256 "):
         run_batch(Batch("replay", folder, tmp_path / "out", str(copy)))
 
 
