@@ -234,6 +234,12 @@ def test_demo_runs_records_replays_and_draws(quick, tmp_path):
     assert RunReader(tmp_path / "demo.mcap").is_whole
 
 
+def test_a_recording_into_a_folder_that_does_not_exist_names_the_folder(quick_uri, tmp_path):
+    path = tmp_path / "runs" / "run.mcap"
+    problem = f"cannot be written: there is no folder {path.parent}; create it first"
+    assert refuse("run", quick_uri, "--fast", "--record", path) == f"haptigraph: {path}: {problem}"
+
+
 def test_sources_lists_syntax_and_missing_extras(monkeypatch):
     from haptigraph.sources import available
 
@@ -241,6 +247,7 @@ def test_sources_lists_syntax_and_missing_extras(monkeypatch):
     assert result.exit_code == 0
     for syntax in ("phantom[:SCENARIO]", "camera:N", "realsense[:SERIAL]", "FILE.dcm", "FILE.mcap", "FOLDER"):
         assert re.search(rf"^{re.escape(syntax)} .*\w", result.output, re.MULTILINE)
+    assert re.search(r"^soft_retina +The needle presses on the target", result.output, re.MULTILINE)
     monkeypatch.setattr(available, "find_spec", lambda name: None)
     monkeypatch.setattr(available, "connected_cameras", lambda: [("camera:2", "Microscope")])
     output = call("sources").output
