@@ -31,9 +31,7 @@ __all__ = ["live"]
 @page_options
 @click.option("--browser/--no-browser", default=True, help="Open the page, if this machine has a display.")
 @click.option("--practice", metavar="FILE", help="Score every run, from entry to hit, into a CSV file.")
-@click.option(
-    "--recordings", metavar="FOLDER", help="Recordings to browse; default: the current folder."
-)
+@click.option("--recordings", metavar="FOLDER", help="Recordings to browse; default: the current folder.")
 @click.option(
     "--steer", is_flag=True, help="Steer --robot from the page; only from a browser on this machine."
 )

@@ -76,7 +76,7 @@ def _difference_lines(report: "ReplayReport") -> list[str]:
     ]
     first = report.first
     where = f"step {first.step} at {first.time_s:.2f} s, {first.message}"
-    by = report.numbers_differ_by
+    by = report.difference
     if by is not None and by <= ROUNDING and not report.states.steps + report.haptics.steps:
         return [
             *lines,

@@ -86,8 +86,8 @@ class ReplayReport(Struct):
     steps: int = 0
     identical: int = 0
     first: Difference | None = None
-    numbers_differ_by: float | None = 0.0
-    """By how much, at most, the numbers of the steps differ; None: something else differs, too."""
+    difference: float | None = 0.0
+    """The largest between two numbers of steps that differ in nothing else; None: something else differs, too."""
     states: Differing = msgspec.field(default_factory=Differing)
     """Steps with another surgical state."""
     haptics: Differing = msgspec.field(default_factory=Differing)
@@ -165,9 +165,9 @@ def replay(
         if differing is not None and report.first is None:
             message, before, after = differing
             report.first = Difference(report.steps, time_s, message, *differing_parts(before, after))
-        if differing is not None and report.numbers_differ_by is not None:
+        if differing is not None and report.difference is not None:
             by = _numbers_differ_by(recorded, replayed)
-            report.numbers_differ_by = None if by is None else max(by, report.numbers_differ_by)
+            report.difference = None if by is None else max(by, report.difference)
         _count(report, time_s, recorded, replayed)
         report.steps += 1
         report.identical += differing is None

@@ -52,7 +52,8 @@ def draw_timeline(
     if distances := _measured(series, ("_mm", "_um")):
         panels.append(("distances", 1.4, partial(_draw_distances, series=series, names=distances)))
     for (title, each), (_, spans_s) in zip(both, differing, strict=True):
-        panels.append((f"haptic output{title}", 0.8, partial(_draw_haptics, series=each, differing_s=spans_s)))
+        output = f"haptic output{title}"
+        panels.append((output, 0.8, partial(_draw_haptics, series=each, differing_s=spans_s)))
     heights = [height for _, height, _ in panels]
     rows = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights)
     for number, ((title, _, draw), axes) in enumerate(zip(panels, rows, strict=True)):

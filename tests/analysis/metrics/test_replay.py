@@ -21,7 +21,7 @@ def test_a_replay_is_identical_step_by_step(recording):
     report = replay(recording)
     assert report.steps == report.identical == 117
     assert report.first is report.states.first_step is report.haptics.first_step is None
-    assert report.numbers_differ_by == 0
+    assert report.difference == 0
     assert report.notes == ()
     assert report.recorded.completion_s == report.replayed.completion_s > 1
     assert (report.is_whole, report.dropped_images) == (True, 0)
@@ -36,7 +36,7 @@ def test_another_procedure_leads_to_other_steps(recording, procedure, tmp_path):
     assert report.first.message == "graph"
     assert "approaching" in report.first.replayed
     assert "approaching" not in report.first.recorded
-    assert report.numbers_differ_by is None
+    assert report.difference is None
     other = report.states
     assert (other.recorded, other.replayed) == (
         "misaligned_intraocular_navigation",
