@@ -144,7 +144,7 @@ def run_options(command: Command) -> Command:
         click.option(
             "--record",
             metavar="FILE",
-            help="Record the run to a new MCAP file; 1280 x 720 at 30 images/s takes 3 to 4 MB a second.",
+            help="Record the run to a new MCAP file; 1280 x 720 at 30 images/s takes about 4 MB a second.",
         ),
         config_option,
         set_option,

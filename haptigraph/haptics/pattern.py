@@ -19,6 +19,7 @@ __all__ = [
     "next_change_ns",
     "position_ns",
     "unsupported",
+    "vibrating_ns",
     "with_weakest",
 ]
 
@@ -111,7 +112,7 @@ def unsupported(pattern: Pattern, capabilities: Capabilities) -> list[str]:
     """Return what a device cannot do of a pattern, one sentence each."""
     sentences = []
     if pattern.kind != "off" and capabilities.frequency_range_hz is None and pattern.frequency_hz:
-        sentences.append(f"{pattern.name}: {pattern.frequency_hz:g} Hz cannot be selected")
+        sentences.append(f"{pattern.name}: the device has its own frequency, not {pattern.frequency_hz:g} Hz")
     if capabilities.frequency_range_hz is not None and pattern.frequency_hz:
         low, high = capabilities.frequency_range_hz
         if not low <= pattern.frequency_hz <= high:

@@ -80,7 +80,7 @@ def test_the_amplitude_is_constant_between_changes(pattern, since_ns, stamp_ns):
     ("capabilities", "pattern", "sentences"),
     [
         (Capabilities(100, (0.0, 400.0), 0.0), PULSE, []),
-        (Capabilities(100, None, 0.0), PULSE, ["pulse: 160 Hz cannot be selected"]),
+        (Capabilities(100, None, 0.0), PULSE, ["pulse: the device has its own frequency, not 160 Hz"]),
         (Capabilities(100, (200.0, 400.0), 0.0), PULSE, ["pulse: 160 Hz is outside 200 to 400 Hz"]),
         (
             Capabilities(100, (0.0, 400.0), 100.0),

@@ -83,6 +83,7 @@ def run_batch(
     Raises:
         BadInput: If a folder or a procedure cannot be used, the folder has results of another batch, or
             another program is writing them.
+        MissingExtra: If the job needs a library that is not installed.
     """
     found = list(found_recordings(batch.folder))
     text = load_procedure(batch.procedure).text if batch.procedure else ""

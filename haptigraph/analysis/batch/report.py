@@ -18,6 +18,7 @@ from haptigraph.files import write_files
 __all__ = ["write_report"]
 
 MEASURED = ("_mm", "_deg")
+MAX_PRINTED = 10  # recordings that were passed over
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
 table { border-collapse: collapse; }
@@ -60,7 +61,12 @@ def write_report(batch: Batch, page: str) -> list[str]:
                 table.writerow({"recording": row.recording, "problem": row.problem, **_flat(row.result)})
     lines = list(_lines(totals))
     write_files([batch.output / "report.html"], [_html(batch, totals, lines, page).encode()])
-    return lines
+    more = totals.passed_over - MAX_PRINTED
+    return [
+        *lines,
+        *(f"passed over: {name}: {why}" for name, why in totals.problems[:MAX_PRINTED]),
+        *([f"and {more} more: recordings.csv"] if more > 0 else []),
+    ]
 
 
 def _columns(rows: Iterator[Row]) -> list[str]:
@@ -170,18 +176,15 @@ def _compared(listed: Result, procedure: str, page: str) -> str:
     """Return the row of one recording."""
     name, result = listed
     address = moment_address(name, step=result["first_step"], procedure=procedure, page=page)
-    times_s = [each for each in (result["first_state_s"], result["first_haptics_s"]) if each is not None]
-    first = next(
-        (f"{each['replayed']} instead of {each['recorded']}" for each in result["changes"]),
-        "haptic output alone" if times_s else "",
-    )
+    first_s, first = result["first_haptics_s"], "haptic output alone"
+    for change in result["changes"][:1]:
+        first_s, first = change["time_s"], f"{change['replayed']} instead of {change['recorded']}"
     alarms = [f"{len(result[f'alarms_{kind}'])} {kind}" for kind in TITLES if result[f"alarms_{kind}"]]
     cells = (
         f"{result['states_differ_s']:.2f} s",
         f"{result['haptics_differ_s']:.2f} s",
         f"{result['states_differ']} of {result['steps']}",
-        f"{min(times_s):.2f} s" if times_s else "",
-        first.replace("_", " "),
+        *(("", "") if first_s is None else (f"{first_s:.2f} s", first.replace("_", " "))),
         f"{result['recorded']['state_changes']} → {result['replayed']['state_changes']}",
         ", ".join(alarms),
     )

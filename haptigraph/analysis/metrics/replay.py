@@ -87,7 +87,7 @@ class ReplayReport(Struct):
     identical: int = 0
     first: Difference | None = None
     difference: float | None = 0.0
-    """The largest between two numbers of steps that differ in nothing else; None: something else differs, too."""
+    """The largest of two numbers, if steps differ in numbers alone; None: something else differs, too."""
     states: Differing = msgspec.field(default_factory=Differing)
     """Steps with another surgical state."""
     haptics: Differing = msgspec.field(default_factory=Differing)

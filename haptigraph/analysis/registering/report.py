@@ -143,7 +143,7 @@ def rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
     if anatomy.rim_evidence:
         evidence = " and ".join(RIM_EVIDENCE[name] for name in anatomy.rim_evidence)
         return (
-            f"rim        appears {anatomy.rim_ratio - 1:.1%} larger than the section, estimated from "
+            f"rim        {anatomy.rim_ratio - 1:.1%} larger in the picture than in the needle's plane, by "
             f"{evidence}; globe and retina are uncertain by {uncertainty}"
         )
     return (

@@ -53,8 +53,9 @@ def batch(
 ) -> None:
     """Do one job on all recordings below FOLDER, and report on them together.
 
-    replay: what this version, or another procedure, would have done. measure: the measures of each run.
-    evaluate: the errors of perception, in simulated recordings. export: a table or a video of each.
+    replay: what this version, or another procedure, would have done. measure: the measures of each run; needs
+    haptigraph[study]. evaluate: the errors of perception, in simulated recordings. export: a table or a video
+    of each.
 
     OUT receives report.html and recordings.csv. A damaged recording is reported and passed over. After an
     interruption, run it again to resume: recordings that have not changed are not done again. The

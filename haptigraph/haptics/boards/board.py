@@ -229,7 +229,10 @@ def ports_found(kind: str, options: str = "") -> dict[str, str]:
         from serial.tools import list_ports  # noqa: PLC0415 - an extra
     except ModuleNotFoundError:
         raise MissingExtra(f"device {kind}", "serial") from None
-    return {f"{kind}:{port.device}{options}": port.product or "serial port" for port in list_ports.comports()}
+    return {
+        f"{kind}:{port.device}{options}": port.product or "nothing says what is on it"
+        for port in list_ports.comports()
+    }
 
 
 def split_argument(kind: str, argument: str, valid: str) -> tuple[str, dict[str, str]]:

@@ -2,9 +2,11 @@
 
 import csv
 import os
+import pickle
 import re
 import shutil
 import signal
+import sys
 from contextlib import closing
 from multiprocessing import active_children
 
@@ -16,7 +18,7 @@ from haptigraph.analysis.batch.replaying import Moments
 from haptigraph.analysis.batch.report import write_report
 from haptigraph.analysis.exporting.csv_table import run_csv
 from haptigraph.analysis.metrics.replay import replay
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, MissingExtra
 
 RUNS = ("recorded", "replayed")
 NAMES = ["P01/run-0000.mcap", "P02/run-0040.mcap", "P03/run-0080.mcap", "P04/run-0120.mcap"]
@@ -58,6 +60,7 @@ def test_a_batch_replays_each_recording_as_replay_does(folder, wide, tmp_path):
     assert lines[1].startswith(f"states differ for {of_all_s:.2f} s in ")
     changes = [sum(result[run]["state_changes"] for _, result in rows.values()) for run in RUNS]
     assert f"state changes: {changes[0]} recorded, {changes[1]} replayed; alarms: " in lines[2]
+    assert lines[-1].startswith("passed over: damaged.mcap: ") and "damaged" in lines[-1]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "http://127.0.0.1:1/recordings#P01%2Frun-0000.mcap?step=" in page
     assert "copy wide.toml into the folder of recordings" in page and "&amp;with=" not in page
@@ -106,6 +109,19 @@ def test_what_has_changed_is_done_again_and_what_is_gone_is_removed(folder, tmp_
 
 
 @pytest.mark.usefixtures("in_this_process")
+def test_a_missing_extra_ends_the_batch_and_is_no_result(folder, tmp_path, monkeypatch):
+    batch = Batch("measure", folder, tmp_path / "out")
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "haptigraph.analysis.metrics.trial", None)
+        with pytest.raises(MissingExtra, match=r"pip install 'haptigraph\[study\]'") as missing:
+            run_batch(batch)
+    assert str(pickle.loads(pickle.dumps(missing.value))) == str(missing.value)  # as a worker sends it
+    assert rows_of(batch) == []
+    assert run_batch(batch).now == 5
+    assert [problem != "" for _, problem, _ in rows_of(batch)] == [False, False, False, False, True]
+
+
+@pytest.mark.usefixtures("in_this_process")
 def test_results_of_another_batch_are_not_mixed(folder, wide, tmp_path):
     run_batch(Batch("measure", folder, tmp_path / "out"))
     with pytest.raises(BadInput, match="results of another batch: kind was measure, is replay now"):
@@ -138,7 +154,7 @@ def test_a_procedure_is_the_same_wherever_its_file_is_and_links_compare_once_the
 def test_an_export_writes_the_table_of_each_recording(folder, tmp_path):
     batch = Batch("export", folder, tmp_path / "out")
     run_batch(batch)
-    run_csv(folder / NAMES[0], tmp_path / "expected.csv")
+    run_csv(folder / NAMES[0], tmp_path / "expected.csv", name=NAMES[0].removesuffix(".mcap"))
     assert (tmp_path / "out" / NAMES[0]).with_suffix(".csv").read_bytes() == (
         tmp_path / "expected.csv"
     ).read_bytes()

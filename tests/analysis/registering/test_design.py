@@ -84,7 +84,7 @@ def test_nothing_is_assumed_that_the_design_states(tmp_path, sound):
         (middle_mm * math.sin(angle), middle_mm * math.cos(angle)), abs=0.25
     )
     assert "WARNING" not in result.output and "ASSUMED" not in result.output
-    assert "larger than the section, estimated from the design" in result.output
+    assert "larger in the picture than in the needle's plane, by the design" in result.output
 
 
 def turned(image: Image, clockwise_deg: float) -> Image:
