@@ -24,14 +24,14 @@ body { font: 15px/1.45 system-ui, sans-serif; max-width: 60rem; margin: 2rem aut
 table { border-collapse: collapse; }
 td, th { padding: .2rem .8rem .2rem 0; text-align: left; vertical-align: top; }
 td.number { text-align: right; font-variant-numeric: tabular-nums; } .quiet { color: #555; }
-h2 { margin-top: 2rem; } svg { max-width: 100%; height: auto; }
+.each td:not(:nth-child(6)) { white-space: nowrap; } h2 { margin-top: 2rem; } svg { max-width: 100%; height: auto; }
 """
 TITLES = {
     "gained": "Alarms gained",
     "lost": "Alarms lost",
 }
 HEAD = (
-    *("recording", "states differ", "haptic output differs", "in steps", "first at", "first change"),
+    *("recording", "states differ", "haptic output differs", "steps", "first at", "first change"),
     *("state changes", "alarms"),
 )
 ALARMS = (
@@ -155,7 +155,7 @@ def _replay_parts(batch: Batch, totals: Totals, page: str) -> Iterator[str]:
     listed = [*totals.listed[0], *totals.listed[1]][:MAX_LISTED]
     head = "".join(f"<th>{each}</th>" for each in HEAD)
     compared = "".join(_compared(result, known, page) for result in listed)
-    yield f"<h2>Recordings that change: {totals.changed}</h2><table><tr>{head}</tr>{compared}</table>"
+    yield f"<h2>Recordings that change: {totals.changed}</h2><table class='each'><tr>{head}</tr>{compared}</table>"
     yield _left_out(totals.recordings)
     counts = {"gained": totals.gained, "lost": totals.lost}
     for kind, moments in totals.moments.items():
