@@ -24,7 +24,8 @@ body { font: 15px/1.45 system-ui, sans-serif; max-width: 60rem; margin: 2rem aut
 table { border-collapse: collapse; }
 td, th { padding: .2rem .8rem .2rem 0; text-align: left; vertical-align: top; }
 td.number { text-align: right; font-variant-numeric: tabular-nums; } .quiet { color: #555; }
-.each td:not(:nth-child(6)) { white-space: nowrap; } h2 { margin-top: 2rem; } svg { max-width: 100%; height: auto; }
+.each td:not(:nth-child(6)) { white-space: nowrap; }
+h2 { margin-top: 2rem; } svg { max-width: 100%; height: auto; }
 """
 TITLES = {
     "gained": "Alarms gained",
@@ -155,7 +156,8 @@ def _replay_parts(batch: Batch, totals: Totals, page: str) -> Iterator[str]:
     listed = [*totals.listed[0], *totals.listed[1]][:MAX_LISTED]
     head = "".join(f"<th>{each}</th>" for each in HEAD)
     compared = "".join(_compared(result, known, page) for result in listed)
-    yield f"<h2>Recordings that change: {totals.changed}</h2><table class='each'><tr>{head}</tr>{compared}</table>"
+    yield f"<h2>Recordings that change: {totals.changed}</h2>"
+    yield f"<table class='each'><tr>{head}</tr>{compared}</table>"
     yield _left_out(totals.recordings)
     counts = {"gained": totals.gained, "lost": totals.lost}
     for kind, moments in totals.moments.items():
