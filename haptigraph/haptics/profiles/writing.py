@@ -10,7 +10,7 @@ from haptigraph.haptics.profiles.profile import DeviceProfile, parse_profile
 __all__ = ["profile_text"]
 
 HEAD = """\
-# How strong a device feels; use it with --profile. The documentation explains every key (How-to, Profiles).
+# How strong a device feels, for --profile. Documentation of all keys: "Measure how strong a device feels".
 # basis: "measured" by a clock or an instrument, "answers" of a person, "literature", "judgement".
 """
 
