@@ -42,13 +42,12 @@ class Batch(Struct, frozen=True):
     """Of the files that an export writes, one of `SUFFIXES`."""
 
     def about(self) -> dict[str, str]:
-        """Return what every result depends on."""
+        """Return what every result depends on: of a procedure its text, wherever the file is."""
         procedure = load_procedure(self.procedure) if self.procedure else None
         return {
             "kind": self.kind,
             "folder": str(self.folder.resolve()),
-            "procedure": self.procedure,
-            "procedure_sha256": procedure.sha256 if procedure else "",
+            "procedure": f"sha256 {procedure.sha256}" if procedure else "",
             **({"format": self.format} if self.kind == "export" else {}),
             "haptigraph": __version__,
             "software_sha256": software_sha256(),

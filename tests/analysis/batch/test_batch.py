@@ -3,6 +3,8 @@
 import csv
 import os
 import pickle
+import re
+import shutil
 import signal
 import sys
 from contextlib import closing
@@ -18,6 +20,7 @@ from haptigraph.analysis.exporting.csv_table import run_csv
 from haptigraph.analysis.metrics.replay import replay
 from haptigraph.errors import BadInput, MissingExtra
 
+RUNS = ("recorded", "replayed")
 NAMES = ["P01/run-0000.mcap", "P02/run-0040.mcap", "P03/run-0080.mcap", "P04/run-0120.mcap"]
 
 
@@ -49,12 +52,22 @@ def test_a_batch_replays_each_recording_as_replay_does(folder, wide, tmp_path):
         assert result["states_differ"] == report.states_differ > 0
         assert result["haptics_differ"] == report.haptics_differ
         assert result["replayed"]["state_s"] == report.replayed.all_state_s
+        assert result["states_differ_s"] == report.states.lasts_s > 0
+        assert result["first_step"] == min(report.states.first_step, report.haptics.first_step)
     lines = write_report(batch, "http://127.0.0.1:1")
     assert lines[0] == "4 recordings, 1 passed over"
+    of_all_s = sum(result["states_differ_s"] for _, result in rows.values())
+    assert lines[1].startswith(f"states differ for {of_all_s:.2f} s in ")
+    changes = [sum(result[run]["state_changes"] for _, result in rows.values()) for run in RUNS]
+    assert f"state changes: {changes[0]} recorded, {changes[1]} replayed; alarms: " in lines[2]
     assert lines[-1].startswith("passed over: damaged.mcap: ") and "damaged" in lines[-1]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "http://127.0.0.1:1/recordings#P01%2Frun-0000.mcap?step=" in page
-    assert "copy wide.toml into the folder of recordings" in page
+    assert "copy wide.toml into the folder of recordings" in page and "&amp;with=" not in page
+    for name, (_, result) in rows.items():
+        row = re.search(rf">{name}</a></td>(.*?)</tr>", page)[1]
+        assert f"<td>{result['states_differ_s']:.2f} s</td>" in row
+        assert "<td>{} → {}</td>".format(*(result[run]["state_changes"] for run in RUNS)) in row
     with (tmp_path / "out" / "recordings.csv").open(newline="") as file:
         table = {row["recording"]: row for row in csv.DictReader(file)}
     assert list(table) == [*NAMES, "damaged.mcap"]
@@ -115,6 +128,26 @@ def test_results_of_another_batch_are_not_mixed(folder, wide, tmp_path):
         run_batch(Batch("replay", folder, tmp_path / "out", wide))
     with pytest.raises(BadInput, match="is no folder"):
         run_batch(Batch("measure", folder / "none", tmp_path / "out"))
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_procedure_is_the_same_wherever_its_file_is_and_links_compare_once_the_page_has_it(
+    folder, wide, tmp_path
+):
+    for name in NAMES[1:]:
+        (folder / name).unlink()
+    run_batch(Batch("replay", folder, tmp_path / "out", wide))
+    copy = shutil.copy(wide, folder / "wide.toml")
+    for procedure in (wide, str(copy)):
+        again = Batch("replay", folder, tmp_path / "out", procedure)
+        assert run_batch(again).now == 0
+        lines = write_report(again, "http://127.0.0.1:1")
+        assert lines[0] == "1 recording, 1 passed over"
+        page = (tmp_path / "out" / "report.html").read_text()
+        assert "&amp;with=wide.toml" in page and "copy wide.toml" not in page
+    copy.write_text(copy.read_text().replace("= 4.0", "= 5.0"))
+    with pytest.raises(BadInput, match=r"another batch: procedure was sha256 .*, is sha256 "):
+        run_batch(Batch("replay", folder, tmp_path / "out", str(copy)))
 
 
 @pytest.mark.usefixtures("in_this_process")

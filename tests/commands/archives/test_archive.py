@@ -92,8 +92,9 @@ def test_refusals_are_one_sentence(folder, tmp_path):
 def test_a_batch_reports_and_is_resumed(folder, tmp_path):
     arguments = ("batch", "replay", folder, "-o", tmp_path / "out", "--workers", 1)
     text = call(*arguments, "--page", "http://lab:1").output
-    assert "2 recordings now" in text and "1 recordings, 1 passed over" in text
-    assert "states differ in 0 of 117 steps, haptic output in 0; 117 steps are identical" in text
+    assert "2 recordings now" in text and "1 recording, 1 passed over" in text
+    assert "states differ for 0.00 s in 0 of 117 steps, haptic output for 0.00 s in 0" in text
+    assert "117 of 117 steps identical\n" in text
     assert "haptigraph live --recordings" in text
     assert "0 recordings now" in call(*arguments).output
     assert "Remember" not in (tmp_path / "out" / "report.html").read_text()
