@@ -42,7 +42,7 @@ store_option = click.option(
     help="The study's store: an SQLite file, or postgresql://...  [FOLDER/study.db]",
 )
 unblind_option = click.option(
-    "--unblind", is_flag=True, help='With blind = "everyone": show who gets which condition.'
+    "--unblind", is_flag=True, help='With blind = "everyone": show who gets which condition; no other effect.'
 )
 
 
@@ -98,7 +98,8 @@ def check(folder: str, store: str | None, unblind: bool) -> None:
     "everyone", no orders without --unblind. Exit code 1 if a recording is missing or was changed, or one of
     an erased participant still exists.
     """
-    from haptigraph.analysis.study.overview import protocol_tables
+    from haptigraph.analysis.study.overview import planned_warning, protocol_tables
+    from haptigraph.study.plan import plan_of
     from haptigraph.study.protocol import load_protocol
 
     protocol = load_protocol(folder)
@@ -121,8 +122,14 @@ def check(folder: str, store: str | None, unblind: bool) -> None:
             by = ", by SIMULATED participants" if stored.simulated else ""
             state = f"frozen since {frozen['frozen_utc'][:16].replace('T', ' ')} UTC{by}\n{summary}"
             sha256 = frozen["protocol_sha256"]
-    for table in protocol_tables(protocol, is_blind=_is_blind(protocol, unblind)):
+        plans = [
+            stored.plan(slot) if stored else plan_of(protocol, slot)
+            for slot in range(protocol.study.participants)
+        ]
+    for table in protocol_tables(protocol, plans.__getitem__, is_blind=_is_blind(protocol, unblind)):
         _print(table)
+    if warning := planned_warning(protocol, plans.__getitem__):
+        click.echo(warning)
     if protocol.analysis is None:
         click.echo("no [analysis] table: the report will be exploratory")
     click.echo(f"{state}\nsha256 {sha256}")

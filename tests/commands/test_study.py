@@ -50,6 +50,15 @@ def test_the_papers_protocol_is_written_once_and_checks(folder):
     assert sorted(path.name for path in folder.iterdir()) == ["study.toml"]
 
 
+def test_check_warns_where_condition_and_target_cannot_be_separated(folder):
+    assert "warning" not in call("study", "check", folder).output
+    text = (folder / "study.toml").read_text().replace("participants = 16", "participants = 1")
+    (folder / "study.toml").write_text(text)
+    checked = call("study", "check", folder)
+    assert "warning: condition and target cannot be separated: " in checked.output
+    assert "only under visual_haptic" in checked.output and checked.exit_code == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
