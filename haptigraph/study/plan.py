@@ -5,7 +5,7 @@ which stages are done.
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import Literal, TypeAlias
 
@@ -129,20 +129,27 @@ def plan_of(protocol: Protocol, slot: int, *, is_first_draw: bool = False) -> li
     return [*plan, *_questionnaires(protocol, "end"), Stage("thanks")]
 
 
-def inseparable(trials: list[Stage]) -> list[tuple[list[str], list[str]]]:
-    """Return conditions and targets that trials do not separate: each group's targets occur only under it.
+def inseparable(pairs: Iterable[tuple[str, str]]) -> str:
+    """Return how condition and target of trials are confounded; empty if both effects can be estimated.
 
-    The rank of a linear model with both factors is the number of levels minus that of the groups. Returns an
-    empty list where all belong together, so that both effects can be estimated.
+    The rank of a linear model with both factors falls by one for each group of conditions with targets of
+    their own, beyond the first.
+
+    Args:
+        pairs: Condition and target of each trial.
     """
     groups: list[tuple[set[str], set[str]]] = []
-    for trial in trials:
-        joined = [each for each in groups if trial.condition in each[0] or trial.target in each[1]]
+    for condition, target in sorted(set(pairs)):
+        joined = [each for each in groups if condition in each[0] or target in each[1]]
         groups = [each for each in groups if each not in joined]
-        conditions = {trial.condition}.union(*(each[0] for each in joined))
-        groups.append((conditions, {trial.target}.union(*(each[1] for each in joined))))
-    separate = len(groups) > 1
-    return [(sorted(conditions), sorted(targets)) for conditions, targets in groups] if separate else []
+        conditions = {condition}.union(*(each[0] for each in joined))
+        groups.append((conditions, {target}.union(*(each[1] for each in joined))))
+    if len(groups) < 2:
+        return ""
+    return "; ".join(
+        f"{', '.join(sorted(targets))} only under {', '.join(sorted(conditions))}"
+        for conditions, targets in groups
+    )
 
 
 def _names(protocol: Protocol) -> tuple[tuple[str, ...], tuple[str, ...]]:

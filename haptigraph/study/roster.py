@@ -86,7 +86,7 @@ class Study(Struct, frozen=True):
         return participant
 
     def plan(self, slot: int) -> list[Stage]:
-        """Return all stages of the participant in a slot (from 0); a study that 0.1 froze keeps its targets."""
+        """Return all stages of the participant in a slot (from 0); a study of 0.1 keeps its targets."""
         frozen = self.store.rows(select(STUDIES.c.software).where(STUDIES.c.study == self.name))
         is_first_draw = any(row["software"].startswith(FIRST_DRAW) for row in frozen)
         return plan_of(self.protocol, slot, is_first_draw=is_first_draw)

@@ -53,16 +53,13 @@ def protocol_tables(protocol: Protocol, plan: Plan, *, is_blind: bool = False) -
 
 def planned_warning(protocol: Protocol, plan: Plan) -> str:
     """Return a warning if no analysis can separate the effects of condition and target; empty if one can."""
-    groups = inseparable(_trials(protocol, plan))
-    if not groups:
+    listed = inseparable((stage.condition, stage.target) for stage in _trials(protocol, plan))
+    if not listed:
         return ""
-    listed = "; ".join(
-        f"{', '.join(targets)} only under {', '.join(conditions)}" for conditions, targets in groups
-    )
     return (
         f"warning: condition and target cannot be separated: {listed}; an easy target would pass for a good "
-        "condition. Plan more participants or trials.repetitions (with as many as targets, everyone gets each "
-        "target under each condition)"
+        "condition. Plan more participants or trials.repetitions (with as many as targets, everyone gets "
+        "each target under each condition)"
     )
 
 
