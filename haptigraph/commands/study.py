@@ -14,6 +14,7 @@ from haptigraph.errors import BadInput
 
 if TYPE_CHECKING:
     from haptigraph.recording.writer import Progress
+    from haptigraph.study.exchange.exporting import About
     from haptigraph.study.protocol import Protocol
     from haptigraph.study.roster import Study
     from haptigraph.study.store import Store
@@ -42,7 +43,7 @@ store_option = click.option(
     help="The study's store: an SQLite file, or postgresql://...  [FOLDER/study.db]",
 )
 unblind_option = click.option(
-    "--unblind", is_flag=True, help='With blind = "everyone": show who gets which condition; no other effect.'
+    "--unblind", is_flag=True, help='With blind = "everyone": show who gets which condition.'
 )
 
 
@@ -86,12 +87,20 @@ def new(folder: str) -> None:
 
 
 @study.command(
-    epilog=examples("haptigraph study check my-study", "haptigraph study check my-study --unblind")
+    epilog=examples(
+        "haptigraph study check my-study",
+        "haptigraph study check my-study --preregistration preregistration.md",
+    )
 )
 @folder_argument
 @store_option
 @unblind_option
-def check(folder: str, store: str | None, unblind: bool) -> None:
+@click.option(
+    "--preregistration",
+    metavar="FILE",
+    help="Also write the text to register before the first participant (Markdown).",
+)
+def check(folder: str, store: str | None, unblind: bool, preregistration: str | None) -> None:
     """Check protocol and recordings, list all assignments.
 
     Shows orders, targets, whether the protocol is frozen, and how many participants withdrew; with blind =
@@ -104,11 +113,13 @@ def check(folder: str, store: str | None, unblind: bool) -> None:
 
     protocol = load_protocol(folder)
     problems: list[str] = []
+    about = None
     state, sha256 = "not frozen: no participant is enrolled yet", protocol.sha256
     with existing_store(folder, store) as opened:
         stored = _study_in(opened, protocol) if opened else None
         frozen = stored.check_frozen() if stored else None
         if opened and stored and frozen:
+            from haptigraph.study.exchange.exporting import about_study
             from haptigraph.study.recordings import recorded_trials, recording_problem
 
             trials = recorded_trials(opened, protocol.study.name)
@@ -122,10 +133,13 @@ def check(folder: str, store: str | None, unblind: bool) -> None:
             by = ", by SIMULATED participants" if stored.simulated else ""
             state = f"frozen since {frozen['frozen_utc'][:16].replace('T', ' ')} UTC{by}\n{summary}"
             sha256 = frozen["protocol_sha256"]
+            about = about_study(opened, protocol.study.name)
         plans = [
             stored.plan(slot) if stored else plan_of(protocol, slot)
             for slot in range(protocol.study.participants)
         ]
+    if preregistration is not None:
+        _write_preregistration(protocol, about, Path(preregistration))
     for table in protocol_tables(protocol, plans.__getitem__, is_blind=_is_blind(protocol, unblind)):
         _print(table)
     if warning := planned_warning(protocol, plans.__getitem__):
@@ -236,9 +250,24 @@ def missing_store(folder: str) -> BadInput:
     return BadInput("does not exist; the first enrolment creates it", Path(folder) / STORE)
 
 
+def _write_preregistration(protocol: "Protocol", about: "About | None", path: Path) -> None:
+    from haptigraph.study.sharing.preregistration import preregistration
+
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(preregistration(protocol, about))
+    except FileExistsError:
+        raise BadInput("exists already; a preregistration is never overwritten", path) from None
+    except OSError as error:
+        raise BadInput(f"cannot be written ({error.strerror})", path) from None
+    click.echo(f"{path} was written{'' if about else '; register it before the first participant comes'}")
+
+
 def _is_blind(protocol: "Protocol", unblind: bool) -> bool:
     """Return whether the output must not show who gets which condition; say what is shown or hidden."""
     if protocol.study.blind != "everyone":
+        if unblind:
+            click.echo(f'--unblind has no effect: blind = "{protocol.study.blind}" hides nothing from you')
         return False
     shown = "UNBLINDED: whoever reads this knows" if unblind else "blinded: --unblind shows"
     click.echo(f"{shown} who gets which condition")

@@ -18,14 +18,15 @@ def read_study(folder, participants, quality="", **columns):
 
 
 def test_each_hypothesis_has_a_sentence_and_few_participants_can_show_nothing(tmp_path):
-    limit, *claims = findings(analyse(read_study(tmp_path / "few", 2), AnalysisPlan()))
+    limit, *claims, caution = findings(analyse(read_study(tmp_path / "few", 2), AnalysisPlan()))
     assert limit == "With 2 participants the smallest possible p is 0.5: these data cannot show an effect."
     assert len(claims) == 3 and claims[0].startswith(
         "Alignment Angle with “Eyes & hands” is smaller than that with"
     )
+    assert caution == "A hypothesis that is not supported is not thereby refuted."
     assert all(": not supported (p = " in claim for claim in claims)
     many = findings(analyse(read_study(tmp_path / "many", 12), AnalysisPlan()))
-    assert len(many) == 3 and "supported (p " in many[0]
+    assert "supported (p " in many[0]
 
 
 @pytest.mark.parametrize("is_confounded", [False, True])

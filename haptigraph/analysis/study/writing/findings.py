@@ -16,7 +16,10 @@ __all__ = ["findings", "warnings"]
 
 def findings(results: StudyResults) -> list[str]:
     """Return a sentence if the data are too few to show anything, and one for each hypothesis."""
-    return [*_limits(results), *(_result(results, each) for each in results.hypotheses)]
+    found = [*_limits(results), *(_result(results, each) for each in results.hypotheses)]
+    if any(each.is_supported is False for each in results.hypotheses):
+        found.append("A hypothesis that is not supported is not thereby refuted.")
+    return found
 
 
 def warnings(results: StudyResults, flagged: pd.DataFrame) -> list[str]:
@@ -66,4 +69,4 @@ def _result(results: StudyResults, each: HypothesisResult) -> str:
     p = f"p = {p_text(each.holm_p)}".replace("= <", "< ")
     if each.is_supported:
         return f"{claim}: supported ({p} after Holm's correction)."
-    return f"{claim}: not supported ({p} after Holm's correction). This is no evidence of the contrary."
+    return f"{claim}: not supported ({p} after Holm's correction)."
