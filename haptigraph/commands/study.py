@@ -14,6 +14,7 @@ from haptigraph.errors import BadInput
 
 if TYPE_CHECKING:
     from haptigraph.recording.writer import Progress
+    from haptigraph.study.exchange.exporting import About
     from haptigraph.study.protocol import Protocol
     from haptigraph.study.roster import Study
     from haptigraph.study.store import Store
@@ -86,28 +87,39 @@ def new(folder: str) -> None:
 
 
 @study.command(
-    epilog=examples("haptigraph study check my-study", "haptigraph study check my-study --unblind")
+    epilog=examples(
+        "haptigraph study check my-study",
+        "haptigraph study check my-study --preregistration preregistration.md",
+    )
 )
 @folder_argument
 @store_option
 @unblind_option
-def check(folder: str, store: str | None, unblind: bool) -> None:
+@click.option(
+    "--preregistration",
+    metavar="FILE",
+    help="Also write the text to register before the first participant (Markdown).",
+)
+def check(folder: str, store: str | None, unblind: bool, preregistration: str | None) -> None:
     """Check protocol and recordings, list all assignments.
 
     Shows orders, targets, whether the protocol is frozen, and how many participants withdrew; with blind =
     "everyone", no orders without --unblind. Exit code 1 if a recording is missing or was changed, or one of
     an erased participant still exists.
     """
-    from haptigraph.analysis.study.overview import protocol_tables
+    from haptigraph.analysis.study.overview import planned_warning, protocol_tables
+    from haptigraph.study.plan import plan_of
     from haptigraph.study.protocol import load_protocol
 
     protocol = load_protocol(folder)
     problems: list[str] = []
+    about = None
     state, sha256 = "not frozen: no participant is enrolled yet", protocol.sha256
     with existing_store(folder, store) as opened:
         stored = _study_in(opened, protocol) if opened else None
         frozen = stored.check_frozen() if stored else None
         if opened and stored and frozen:
+            from haptigraph.study.exchange.exporting import about_study
             from haptigraph.study.recordings import recorded_trials, recording_problem
 
             trials = recorded_trials(opened, protocol.study.name)
@@ -121,8 +133,17 @@ def check(folder: str, store: str | None, unblind: bool) -> None:
             by = ", by SIMULATED participants" if stored.simulated else ""
             state = f"frozen since {frozen['frozen_utc'][:16].replace('T', ' ')} UTC{by}\n{summary}"
             sha256 = frozen["protocol_sha256"]
-    for table in protocol_tables(protocol, is_blind=_is_blind(protocol, unblind)):
+            about = about_study(opened, protocol.study.name)
+        plans = [
+            stored.plan(slot) if stored else plan_of(protocol, slot)
+            for slot in range(protocol.study.participants)
+        ]
+    if preregistration is not None:
+        _write_preregistration(protocol, about, Path(preregistration))
+    for table in protocol_tables(protocol, plans.__getitem__, is_blind=_is_blind(protocol, unblind)):
         _print(table)
+    if warning := planned_warning(protocol, plans.__getitem__):
+        click.echo(warning)
     if protocol.analysis is None:
         click.echo("no [analysis] table: the report will be exploratory")
     click.echo(f"{state}\nsha256 {sha256}")
@@ -229,9 +250,24 @@ def missing_store(folder: str) -> BadInput:
     return BadInput("does not exist; the first enrolment creates it", Path(folder) / STORE)
 
 
+def _write_preregistration(protocol: "Protocol", about: "About | None", path: Path) -> None:
+    from haptigraph.study.sharing.preregistration import preregistration
+
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(preregistration(protocol, about))
+    except FileExistsError:
+        raise BadInput("exists already; a preregistration is never overwritten", path) from None
+    except OSError as error:
+        raise BadInput(f"cannot be written ({error.strerror})", path) from None
+    click.echo(f"{path} was written{'' if about else '; register it before the first participant comes'}")
+
+
 def _is_blind(protocol: "Protocol", unblind: bool) -> bool:
     """Return whether the output must not show who gets which condition; say what is shown or hidden."""
     if protocol.study.blind != "everyone":
+        if unblind:
+            click.echo(f'--unblind has no effect: blind = "{protocol.study.blind}" hides nothing from you')
         return False
     shown = "UNBLINDED: whoever reads this knows" if unblind else "blinded: --unblind shows"
     click.echo(f"{shown} who gets which condition")

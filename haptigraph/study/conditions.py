@@ -60,7 +60,7 @@ def order_of(items: Sequence[T], slot: int, seed: int, order: Order, purpose: st
 
 
 def targets_of(
-    names: Sequence[str], trials: int, slot: int, seed: int, order: Order, group: str = ""
+    names: Sequence[str], trials: int, slot: int, seed: int, order: Order, group: str = "", draw: int = 0
 ) -> list[str]:
     """Return the targets of one participant's trials: each once before any repeats, never twice in a row.
 
@@ -72,10 +72,12 @@ def targets_of(
         order: As for conditions.
         group: Participants within whom targets are balanced: those with the same order of conditions, so that
             conditions and targets are not confounded.
+        draw: Number of the draw; each has other orders.
     """
     targets: list[str] = []
+    again = f" draw {draw}" if draw else ""
     while len(targets) < trials:
-        deck = order_of(names, slot, seed, order, f"targets {group} {len(targets) // len(names)}")
+        deck = order_of(names, slot, seed, order, f"targets {group} {len(targets) // len(names)}{again}")
         if targets and len(deck) > 1 and deck[0] == targets[-1]:
             deck = [*deck[1:], deck[0]]
         targets += deck

@@ -4,7 +4,9 @@ Pure: the same protocol and slot give the same plan at every station and after e
 which stages are done.
 """
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from typing import Literal, TypeAlias
 
 from msgspec import Struct
@@ -12,9 +14,12 @@ from msgspec import Struct
 from haptigraph.checksum import hashed_integer
 from haptigraph.study.conditions import order_of, round_of, targets_of
 from haptigraph.study.preparation.calibration import Task
-from haptigraph.study.protocol import Protocol
+from haptigraph.study.protocol import Protocol, StudyTable, Trials
 
-__all__ = ["Kind", "Stage", "attempt_seed", "condition_title", "conditions_of", "plan_of"]
+__all__ = ["Kind", "Stage", "attempt_seed", "condition_title", "conditions_of", "inseparable", "plan_of"]
+
+DRAWS = 64  # of the targets, until they are balanced over conditions
+DRAWN_PLANS = 4096  # in all of them; the more participants, the less a draw matters
 
 Kind: TypeAlias = Literal[
     "briefing", "consent", "questionnaire", "calibration", "training", "trial", "break", "thanks"
@@ -68,8 +73,7 @@ def attempt_seed(stage: Stage, attempt: int) -> int:
 
 def conditions_of(protocol: Protocol, slot: int) -> list[str]:
     """Return the conditions of the participant in a slot (from 0), in order."""
-    order = _order(protocol, slot)
-    return order if protocol.study.design == "within" else order[:1]
+    return _met(protocol.study, _names(protocol)[0], slot)
 
 
 def condition_title(protocol: Protocol, stage: Stage, reader: Literal["participant", "experimenter"]) -> str:
@@ -82,10 +86,19 @@ def condition_title(protocol: Protocol, stage: Stage, reader: Literal["participa
     return protocol.condition(stage.condition).title
 
 
-def plan_of(protocol: Protocol, slot: int) -> list[Stage]:
-    """Return all stages of the participant in a slot (from 0), in order."""
+def plan_of(protocol: Protocol, slot: int, *, is_first_draw: bool = False) -> list[Stage]:
+    """Return all stages of the participant in a slot (from 0), in order.
+
+    Args:
+        protocol: The protocol.
+        slot: The participant's place in the counterbalancing.
+        is_first_draw: Whether the targets are those of the first draw, balanced over conditions or not, as in
+            studies that 0.1 began.
+    """
     order, trials = conditions_of(protocol, slot), protocol.trials
-    targets = iter(_targets(protocol, slot, len(order) * trials.blocks * trials.repetitions))
+    conditions, names = _names(protocol)
+    draw = 0 if is_first_draw else _best_draw(protocol.study, trials, conditions, names)
+    targets = iter(_targets(protocol.study, trials, conditions, names, slot, draw))
     plan = [Stage("briefing"), Stage("consent"), *_questionnaires(protocol, "start")]
     plan += [
         Stage("calibration", task=task)
@@ -116,19 +129,84 @@ def plan_of(protocol: Protocol, slot: int) -> list[Stage]:
     return [*plan, *_questionnaires(protocol, "end"), Stage("thanks")]
 
 
-def _order(protocol: Protocol, slot: int) -> list[str]:
-    names, study = [condition.name for condition in protocol.conditions], protocol.study
+def inseparable(pairs: Iterable[tuple[str, str]]) -> str:
+    """Return how condition and target of trials are confounded; empty if both effects can be estimated.
+
+    The rank of a linear model with both factors falls by one for each group of conditions with targets of
+    their own, beyond the first.
+
+    Args:
+        pairs: Condition and target of each trial.
+    """
+    groups: list[tuple[set[str], set[str]]] = []
+    for condition, target in sorted(set(pairs)):
+        joined = [each for each in groups if condition in each[0] or target in each[1]]
+        groups = [each for each in groups if each not in joined]
+        conditions = {condition}.union(*(each[0] for each in joined))
+        groups.append((conditions, {target}.union(*(each[1] for each in joined))))
+    if len(groups) < 2:
+        return ""
+    return "; ".join(
+        f"{', '.join(sorted(targets))} only under {', '.join(sorted(conditions))}"
+        for conditions, targets in groups
+    )
+
+
+def _names(protocol: Protocol) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of conditions and targets."""
+    return tuple(each.name for each in protocol.conditions), tuple(each.name for each in protocol.targets)
+
+
+def _order(study: StudyTable, names: tuple[str, ...], slot: int) -> list[str]:
     if study.design == "between" and study.order == "fixed":
-        return names[slot % len(names) :] + names[: slot % len(names)]
+        return [*names[slot % len(names) :], *names[: slot % len(names)]]
     return order_of(names, slot, study.seed, study.order, "conditions")
 
 
-def _targets(protocol: Protocol, slot: int, count: int) -> list[str]:
-    names, study = [target.name for target in protocol.targets], protocol.study
-    group = ""
+def _met(study: StudyTable, names: tuple[str, ...], slot: int) -> list[str]:
+    """Return the conditions that a participant meets."""
+    order = _order(study, names, slot)
+    return order if study.design == "within" else order[:1]
+
+
+def _targets(
+    study: StudyTable,
+    trials: Trials,
+    conditions: tuple[str, ...],
+    names: tuple[str, ...],
+    slot: int,
+    draw: int,
+) -> list[str]:
+    count = len(_met(study, conditions, slot)) * trials.blocks * trials.repetitions
+    group, place = "", slot
     if study.order == "balanced":
-        group, slot = ">".join(_order(protocol, slot)), round_of(len(protocol.conditions), slot)
-    return targets_of(names, count, slot, study.seed, protocol.trials.target_order, group)
+        group, place = ">".join(_order(study, conditions, slot)), round_of(len(conditions), slot)
+    return targets_of(names, count, place, study.seed, trials.target_order, group, draw)
+
+
+@lru_cache(maxsize=32)
+def _best_draw(study: StudyTable, trials: Trials, conditions: tuple[str, ...], names: tuple[str, ...]) -> int:
+    """Return the first draw whose targets are balanced over the conditions, or else nearest to it."""
+    per_condition = trials.blocks * trials.repetitions
+    draws = max(1, min(DRAWS, DRAWN_PLANS // max(1, study.participants)))
+
+    def imbalance(draw: int) -> int:
+        pairs: Counter[tuple[str, str]] = Counter()
+        for slot in range(study.participants):
+            targets = _targets(study, trials, conditions, names, slot, draw)
+            for position, condition in enumerate(_met(study, conditions, slot)):
+                first = position * per_condition
+                pairs.update((target, condition) for target in targets[first : first + per_condition])
+        counts = [[pairs[target, condition] for condition in conditions] for target in names]
+        return sum(max(each) - min(each) for each in counts)
+
+    best, least = 0, imbalance(0)
+    for draw in range(1, draws):
+        if least == 0 or trials.target_order == "fixed":
+            break
+        if (found := imbalance(draw)) < least:
+            best, least = draw, found
+    return best
 
 
 def _questionnaires(protocol: Protocol, when: str, condition: str = "", position: int = 0) -> Iterator[Stage]:

@@ -10,7 +10,7 @@ from msgspec import Struct, json
 from sqlalchemy import Connection, select, update
 
 from haptigraph.errors import BadInput
-from haptigraph.study.plan import conditions_of
+from haptigraph.study.plan import Stage, conditions_of, plan_of
 from haptigraph.study.protocol import Protocol
 from haptigraph.study.store import Row, Store, to_json
 from haptigraph.study.tables import PARTICIPANTS, STUDIES
@@ -18,6 +18,7 @@ from haptigraph.version import __version__
 
 __all__ = ["Study", "canonical", "check_pseudonym", "study_in"]
 
+FIRST_DRAW = "0.1."  # versions that did not balance targets over conditions by further draws
 MAX_NAMES = 30  # in an error
 PSEUDONYM = re.compile(r"([A-Z]{1,4})-?([0-9]{1,4})")
 
@@ -83,6 +84,12 @@ class Study(Struct, frozen=True):
                 )
             )
         return participant
+
+    def plan(self, slot: int) -> list[Stage]:
+        """Return all stages of the participant in a slot (from 0); a study of 0.1 keeps its targets."""
+        frozen = self.store.rows(select(STUDIES.c.software).where(STUDIES.c.study == self.name))
+        is_first_draw = any(row["software"].startswith(FIRST_DRAW) for row in frozen)
+        return plan_of(self.protocol, slot, is_first_draw=is_first_draw)
 
     def withdraw(self, participant: str) -> None:
         """Mark a participant as withdrawn; the data stay, the slot becomes free.

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, func, select, update
 
 from haptigraph.config import HapticsConfig
 from haptigraph.errors import BadInput
-from haptigraph.study.plan import Stage, plan_of
+from haptigraph.study.plan import Stage
 from haptigraph.study.preparation.asking import Asking
 from haptigraph.study.preparation.calibration import Stimulus
 from haptigraph.study.progress import Next, Progress, next_of, of_participant, read_progress
@@ -95,7 +95,7 @@ class OpenSession:
 
     def __init__(self, study: Study, participant: str, slot: int, number: int) -> None:
         self.study, self.participant, self.slot, self.number = study, participant, slot, number
-        self.plan = plan_of(study.protocol, slot)
+        self.plan = study.plan(slot)
         self._here = {"study": study.name, "participant": participant}
 
     def next(self) -> Next:

@@ -5,7 +5,6 @@ from datetime import datetime
 from msgspec import Struct
 from sqlalchemy import select
 
-from haptigraph.study.plan import plan_of
 from haptigraph.study.progress import Next, next_of, of_participant, read_progress
 from haptigraph.study.roster import Study
 from haptigraph.study.station import open_session_row
@@ -39,7 +38,7 @@ def participant_statuses(study: Study) -> list[ParticipantStatus]:
         with study.store.begin() as connection:
             progress = read_progress(connection, study.name, name)
             session = open_session_row(connection, study, name)
-        upcoming = next_of(plan_of(study.protocol, row["slot"]), progress, study.protocol, now)
+        upcoming = next_of(study.plan(row["slot"]), progress, study.protocol, now)
         station = session.station if session else ""
         void = sum(attempt.void is not None for each in progress.attempts.values() for attempt in each)
         left = row["withdrawn_utc"] is not None

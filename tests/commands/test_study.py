@@ -50,6 +50,33 @@ def test_the_papers_protocol_is_written_once_and_checks(folder):
     assert sorted(path.name for path in folder.iterdir()) == ["study.toml"]
 
 
+def test_the_preregistration_is_written_before_the_first_participant(folder):
+    file = folder / "preregistration.md"
+    output = call("study", "check", folder, "--preregistration", file).output
+    assert "register it before the first participant comes" in output
+    text = file.read_text()
+    assert "Generated from the protocol before the first participant." in text
+    assert load_protocol(folder).sha256 in text and "## Analysis" in text
+    assert "never overwritten" in refuse("study", "check", folder, "--preregistration", file)
+    begin(folder)
+    later = folder / "later.md"
+    assert "register it" not in call("study", "check", folder, "--preregistration", later).output
+    assert "that the first participant froze in" in later.read_text()
+
+
+def test_unblind_says_where_nothing_is_hidden(folder):
+    assert "--unblind has no effect" in call("study", "check", folder, "--unblind").output
+
+
+def test_check_warns_where_condition_and_target_cannot_be_separated(folder):
+    assert "warning" not in call("study", "check", folder).output
+    text = (folder / "study.toml").read_text().replace("participants = 16", "participants = 1")
+    (folder / "study.toml").write_text(text)
+    checked = call("study", "check", folder)
+    assert "warning: condition and target cannot be separated: " in checked.output
+    assert "only under visual_haptic" in checked.output and checked.exit_code == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -1,16 +1,21 @@
 from collections import Counter
+from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sqlalchemy import update
 
 import haptigraph
 from haptigraph.checksum import hashed_integer
 from haptigraph.study.conditions import order_of, shuffled, targets_of, williams
-from haptigraph.study.plan import condition_title, conditions_of, plan_of
+from haptigraph.study.plan import condition_title, conditions_of, inseparable, plan_of
 from haptigraph.study.protocol import load_protocol
+from haptigraph.study.roster import Study
+from haptigraph.study.store import Store
+from haptigraph.study.tables import STUDIES
 
 PAPER = Path(haptigraph.__file__).parent / "study" / "templates"
 SEEDS = st.integers(0, 2**32 - 1)
@@ -65,6 +70,45 @@ def test_the_papers_study_uses_each_order_and_each_target_equally_often():
     trials = [stage for slot in range(16) for stage in plan_of(protocol, slot) if stage.kind == "trial"]
     assert set(Counter((stage.condition, stage.target) for stage in trials).values()) == {4}
     assert len({stage.seed for stage in trials}) == 32
+
+
+def trials_of(protocol, plan):
+    slots = range(protocol.study.participants)
+    return [stage for slot in slots for stage in plan(slot) if stage.kind == "trial"]
+
+
+def confounded(trials):
+    return inseparable((stage.condition, stage.target) for stage in trials)
+
+
+def small_design(tmp_path, seed, repetitions=2, participants=2):
+    text = (PAPER / "study.toml").read_text().replace("seed = 2026", f"seed = {seed}")
+    text = text.replace("participants = 16", f"participants = {participants}")
+    (tmp_path / "study.toml").write_text(text.replace("repetitions = 1 ", f"repetitions = {repetitions} "))
+    return load_protocol(tmp_path)
+
+
+@pytest.mark.parametrize("seed", [2026, 2, 3, 7, 1, 4])
+@pytest.mark.parametrize("repetitions", [1, 2])
+def test_targets_are_balanced_over_conditions_in_a_small_study_too(tmp_path, seed, repetitions):
+    protocol = small_design(tmp_path, seed, repetitions)
+    trials = trials_of(protocol, lambda slot: plan_of(protocol, slot))
+    counts = Counter((stage.condition, stage.target) for stage in trials)
+    for target in {stage.target for stage in trials}:
+        assert counts["visual_only", target] == counts["visual_haptic", target] == 1
+    assert not confounded(trials)
+
+
+def test_a_study_that_0_1_froze_keeps_its_targets(tmp_path):
+    protocol = small_design(tmp_path, 2026)
+    with closing(Store(tmp_path / "study.db")) as store:
+        study = Study(protocol, store)
+        study.enrol()
+        assert study.plan(0) == plan_of(protocol, 0) and not confounded(trials_of(protocol, study.plan))
+        with store.begin() as connection:
+            connection.execute(update(STUDIES).values(software="0.1.0"))
+        found = confounded(trials_of(protocol, study.plan))
+    assert found == "far_right, right only under visual_haptic; left, middle only under visual_only"
 
 
 def test_the_papers_protocol_has_the_stages_of_the_paper():

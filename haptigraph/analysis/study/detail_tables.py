@@ -146,6 +146,7 @@ def _terms(results: StudyResults) -> Iterator[dict[str, object]]:
             "participant_sd": model.participant_sd,
             "residual_sd": model.residual_sd,
             "remark": model.remark,
+            "left_out": "; ".join(model.dropped),
         }
         for term in model.terms:
             yield {**model_columns, **msgspec.structs.asdict(term), **spread}

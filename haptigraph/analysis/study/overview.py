@@ -1,27 +1,33 @@
 """A study's protocol and progress as printable tables: conditions, plans, orders and participants."""
 
 from collections import Counter
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, TypeAlias
 
 from rich.table import Table
 
+from haptigraph.analysis.study.quantities import counted
 from haptigraph.study.frozen.analysis_plan import Analysis
 from haptigraph.study.frozen.quality import quality_limits
-from haptigraph.study.plan import Stage, conditions_of, plan_of
+from haptigraph.study.plan import Stage, conditions_of, inseparable
 from haptigraph.study.protocol import Protocol
 
 if TYPE_CHECKING:
     from haptigraph.study.status import ParticipantStatus
 
-__all__ = ["protocol_tables", "status_table"]
+__all__ = ["planned_warning", "protocol_tables", "status_table"]
 
 
-def protocol_tables(protocol: Protocol, *, is_blind: bool = False) -> Iterator[Table]:
+Plan: TypeAlias = Callable[[int], list[Stage]]
+"""All stages of the participant in a slot."""
+
+
+def protocol_tables(protocol: Protocol, plan: Plan, *, is_blind: bool = False) -> Iterator[Table]:
     """Yield the tables of conditions, the first plan, orders, targets, thresholds and the analysis.
 
     Args:
         protocol: The protocol.
+        plan: Of every slot.
         is_blind: Whether to leave out who gets what: the plan and the orders.
     """
     table = _table("Conditions", "name", "title", "procedure", "touch", "display")
@@ -29,10 +35,8 @@ def protocol_tables(protocol: Protocol, *, is_blind: bool = False) -> Iterator[T
         table.add_row(each.name, each.title, each.procedure, each.touch_text, each.display)
     yield table
     if not is_blind:
-        yield from _assignments(protocol)
-    count = protocol.study.participants
-    plans = [[stage for stage in plan_of(protocol, slot) if stage.kind == "trial"] for slot in range(count)]
-    pairs = Counter((stage.target, stage.condition) for plan in plans for stage in plan)
+        yield from _assignments(protocol, plan)
+    pairs = Counter((stage.target, stage.condition) for stage in _trials(protocol, plan))
     names = [each.name for each in protocol.conditions]
     table = _table("Trials by target and condition", "target", "mm along the retina", *names)
     for target in protocol.targets:
@@ -47,10 +51,26 @@ def protocol_tables(protocol: Protocol, *, is_blind: bool = False) -> Iterator[T
         yield _analysis_table(protocol.analysis)
 
 
-def _analysis_table(analysis: Analysis) -> Table:
-    fewest = (
-        f", at least {analysis.min_trials} valid trials under each condition" if analysis.min_trials else ""
+def planned_warning(protocol: Protocol, plan: Plan) -> str:
+    """Return a warning if no analysis can separate the effects of condition and target; empty if one can."""
+    listed = inseparable((stage.condition, stage.target) for stage in _trials(protocol, plan))
+    if not listed:
+        return ""
+    return (
+        f"warning: condition and target cannot be separated: {listed}; an easy target would pass for a good "
+        "condition. Plan more participants or trials.repetitions (with as many as targets, everyone gets "
+        "each target under each condition)"
     )
+
+
+def _trials(protocol: Protocol, plan: Plan) -> list[Stage]:
+    slots = range(protocol.study.participants)
+    return [stage for slot in slots for stage in plan(slot) if stage.kind == "trial"]
+
+
+def _analysis_table(analysis: Analysis) -> Table:
+    count = counted(analysis.min_trials, "valid trial")
+    fewest = f", at least {count} under each condition" if analysis.min_trials else ""
     fewest += ", without trials beyond a threshold" if analysis.exclude_poor_trials else ""
     table = _table(
         f"Preregistered analysis (alpha {analysis.alpha:g}{fewest})",
@@ -68,9 +88,9 @@ def _analysis_table(analysis: Analysis) -> Table:
     return table
 
 
-def _assignments(protocol: Protocol) -> Iterator[Table]:
+def _assignments(protocol: Protocol, plan: Plan) -> Iterator[Table]:
     table = _table("Plan of the first participant", "stage", "condition", "target", "timeout")
-    for stage in plan_of(protocol, 0):
+    for stage in plan(0):
         table.add_row(
             stage.key, stage.condition, stage.target, f"{stage.timeout_s:g} s" if stage.is_trial else ""
         )

@@ -42,6 +42,7 @@ def page(
     title: str,
     facts: str,
     marks: Sequence[str],
+    findings: Sequence[str],
     tables: Sequence[Table],
     beside: Beside | None,
     pictures: Sequence[Picture],
@@ -55,6 +56,7 @@ def page(
         title: Of the study.
         facts: One line about it.
         marks: Prominent notes at the top, such as that it was simulated.
+        findings: The results in sentences.
         tables: The paper's first.
         beside: The study beside the paper.
         pictures: Of the study.
@@ -66,6 +68,7 @@ def page(
     parts = [
         f"<h1>{escape(title)}</h1>\n{marked}\n<p class='quiet'>{escape(facts)}</p>",
         "<h2>Results</h2>",
+        *(f"<p>{escape(finding)}</p>" for finding in findings),
         *(table_html(table) for table in tables),
         *(_beside(beside) if beside else ()),
         "<h2>Figures</h2>" if pictures else "",

@@ -7,9 +7,10 @@ from msgspec import Struct, field
 
 from haptigraph.analysis.study.quantities import QUANTITIES
 from haptigraph.analysis.study.results import StudyResults
-from haptigraph.analysis.study.results_table import NONE, Table, number, p_text
+from haptigraph.analysis.study.results_table import LEVEL, NONE, Table, mean_text, number, p_text
 from haptigraph.analysis.study.runs import condition_values
 from haptigraph.analysis.study.statistics.comparison import Sample
+from haptigraph.analysis.study.statistics.exact import smallest_p
 from haptigraph.analysis.study.statistics.sensitivity import paired_t
 
 __all__ = ["Beside", "beside_paper"]
@@ -97,12 +98,12 @@ def _here(paper: _Paper, name: str, decimals: int, results: StudyResults) -> lis
     if name not in results.values:
         return ["0", *[NONE] * 4]
     values = condition_values(results.values[name], *paper.conditions, paired=True)
-    cells = [
-        f"{number(each.mean, decimals)} ± {number(each.sd, decimals)}" for each in map(Sample.of, values)
-    ]
-    t = paired_t(*values)
+    cells = [mean_text(each, decimals) for each in map(Sample.of, values)]
+    t, count = paired_t(*values), len(values[0])
     change, low, high = (_signed(value, decimals) for value in (t.difference, t.low, t.high))
-    return [str(len(values[0])), *cells, f"{change} [{low}, {high}]", _p(name, paper, results)]
+    is_known = smallest_p(count, count, paired=True) < LEVEL
+    limits = f"{low}, {high}" if is_known else NONE
+    return [str(count), *cells, f"{change} [{limits}]", _p(name, paper, results)]
 
 
 def _signed(value: float, decimals: int) -> str:

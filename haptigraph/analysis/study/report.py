@@ -16,6 +16,7 @@ from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analys
 from haptigraph.analysis.study.results_table import hypothesis_table, latex, markdown, result_tables
 from haptigraph.analysis.study.tables import StudyTables, read_tables
 from haptigraph.analysis.study.traces import Traces, read_traces
+from haptigraph.analysis.study.writing.findings import findings, warnings
 from haptigraph.analysis.study.writing.methods import SIMULATED, methods, preregistered
 from haptigraph.analysis.study.writing.protocol import edited_note
 from haptigraph.errors import BadInput
@@ -114,7 +115,9 @@ def write_report(
         raise BadInput(f"cannot be written ({error.strerror})", error.filename or output) from None
     beside = beside_paper(results, simulated=simulated)
     shown = [*hypothesis_table(results), *result_tables(results)[:1], *([beside.table] if beside else [])]
-    notes = [edited_note(tables), preregistered(results), *(beside.notes if beside else ())]
+    warned = warnings(results, flagged_trials(tables, results))
+    found = [edited_note(tables), *warned, *findings(results), preregistered(results)]
+    notes = [*found, *(beside.notes if beside else ())]
     summary = markdown(shown, SIMULATED if simulated else "", [note for note in notes if note])
     return WrittenReport(output / "report.html", [output / name for name in files], summary)
 
@@ -149,8 +152,11 @@ def _files(
         name: (title, _titled(frames[name], results)) for name, title in TITLES.items() if name in frames
     }
     title = tables.protocol.title or tables.study
-    marks = [each for each in (note, edited_note(tables)) if each]
-    html = page(title, _facts(results), marks, summaries, beside, pictures, paragraphs, shown, tex)
+    warned = warnings(results, quality["flagged_trials"])
+    marks = [each for each in (note, edited_note(tables), *warned) if each]
+    html = page(
+        title, _facts(results), marks, findings(results), summaries, beside, pictures, paragraphs, shown, tex
+    )
     text = {
         "report.html": html,
         "results.tex": tex,

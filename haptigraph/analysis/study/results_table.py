@@ -13,13 +13,17 @@ from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.statistics.comparison import Comparison, Sample
 from haptigraph.analysis.study.statistics.effects import Effect
 from haptigraph.analysis.study.statistics.equivalence import Equivalence
+from haptigraph.analysis.study.statistics.exact import smallest_p
+from haptigraph.analysis.study.statistics.hit_rate import HitRate
 from haptigraph.analysis.study.statistics.shift import Shift
 
 __all__ = [
-    "NONE", "Table", "escaped", "hypothesis_table", "latex", "markdown", "number", "p_text", "result_tables",
+    "NONE", "Table", "escaped", "hypothesis_table", "latex", "markdown", "mean_text", "number",
+    "p_text", "result_tables",
 ]  # fmt: skip
 
 NONE = "-"
+LEVEL = 0.05  # of the intervals, which have 95 %
 
 
 class Table(Struct, frozen=True):
@@ -62,7 +66,8 @@ def _table(results: StudyResults, family: Family, pair: tuple[str, str], rows: l
     over = counted(family.explored, "exploratory test" if results.hypotheses else "test")
     if results.hypotheses:
         over = f"the preregistered hypotheses, and over {over}"
-    marks = f"* p < {results.plan.alpha:g}; † also after Holm's correction over {over}"
+    apart = "; p (Holm) is corrected apart for confirmatory and exploratory tests" * bool(results.hypotheses)
+    marks = f"* p < {results.plan.alpha:g}; † also after Holm's correction over {over}{apart}"
     caption = f"{words(family.about)}, mean ± SD over participants. {marks}."
     estimates = ["Difference [95 % CI]", "r [95 % CI]"]
     label = f"{family.name}_{pair[0]}_{pair[1]}"
@@ -134,7 +139,7 @@ def _hit_table(results: StudyResults) -> list[Table]:
             f"{each.hits.hits_first}/{each.hits.n_first}",
             f"{each.hits.hits_second}/{each.hits.n_second}",
             p_text(each.hits.p),
-            f"{_limit(each.hits.odds_ratio)} [{_limit(each.hits.low)}, {_limit(each.hits.high)}]",
+            _odds(each.hits, paired=results.is_within),
             f"{p_text(each.worst_rank.p)}, r {_interval(each.effect, 2)}",
         ]
         for each in results.timeouts
@@ -149,7 +154,7 @@ def _hit_table(results: StudyResults) -> list[Table]:
 
 def _row(comparison: Comparison, holm: float, alpha: float) -> list[str]:
     decimals = comparison.quantity.decimals
-    first, second = (_mean(sample, decimals) for sample in comparison.samples)
+    first, second = (mean_text(sample, decimals) for sample in comparison.samples)
     p = comparison.test.p
     mark = ("*" if p < alpha else "") + ("†" if holm < alpha else "")
     estimates = [_interval(comparison.shift, decimals), _interval(comparison.effect, 2)]
@@ -165,12 +170,21 @@ def _interval(found: Effect | Shift | Equivalence, decimals: int) -> str:
     return f"{value} [{number(found.low, decimals)}, {number(found.high, decimals)}]"
 
 
+def _odds(hits: HitRate, *, paired: bool) -> str:
+    """Return an odds ratio; without limits where no rate of so few participants could be significant."""
+    if smallest_p(hits.n_first, hits.n_second, paired=paired) >= LEVEL:
+        return f"{_limit(hits.odds_ratio)} [{NONE}]"
+    return f"{_limit(hits.odds_ratio)} [{_limit(hits.low)}, {_limit(hits.high)}]"
+
+
 def _limit(odds: float) -> str:
     return "∞" if odds == math.inf else number(odds, 2)
 
 
-def _mean(sample: Sample, decimals: int) -> str:
-    return f"{number(sample.mean, decimals)} ± {number(sample.sd, decimals)}"
+def mean_text(sample: Sample, decimals: int) -> str:
+    """Format mean ± SD; one value has no SD."""
+    sd = f" ± {number(sample.sd, decimals)}" if math.isfinite(sample.sd) else ""
+    return f"{number(sample.mean, decimals)}{sd}"
 
 
 def markdown(tables: Sequence[Table], note: str = "", remarks: Sequence[str] = ()) -> str:

@@ -51,7 +51,8 @@ def erase(folder: str, participant: str, yes: bool, dry_run: bool, store: str | 
                 f"erasing {participant} cannot be undone and needs confirmation at a terminal; give --yes to "
                 f"confirm, or --dry-run to list what would be erased"
             )
-        for line in _listed(participant, data) if has_data else _bundles(data):
+        what = "would be erased" if dry_run else "to be erased"
+        for line in _listed(participant, data, what) if has_data else _bundles(data):
             click.echo(line)
         if dry_run:
             click.echo("nothing was erased" if has_data else f"no data of {participant} are left here")
@@ -63,10 +64,10 @@ def erase(folder: str, participant: str, yes: bool, dry_run: bool, store: str | 
     click.echo(f"{participant} is erased" if has_data else f"no data of {participant} are left here")
 
 
-def _listed(participant: str, data: "ParticipantData") -> Iterator[str]:
+def _listed(participant: str, data: "ParticipantData", what: str) -> Iterator[str]:
     """Yield what is erased, what stays, and what the user must delete or renew."""
     rows = ", ".join(f"{table} {count}" for table, count in data.rows.items()) or "none"
-    yield f"{participant}: erased"
+    yield f"{participant}: {what}"
     yield f"  rows of the store: {rows}" + ("" if data.erased_utc else "; times of enrolment and consent")
     yield from (f"  {file}" for file in data.files)
     yield f"retained: the pseudonym, which is not reused, and place {data.slot + 1} in the counterbalancing"
@@ -74,7 +75,7 @@ def _listed(participant: str, data: "ParticipantData") -> Iterator[str]:
         yield f"not in recordings/{participant} here; run this again at the station that has them"
         yield from (f"  {path}" for path in data.elsewhere)
     if data.aggregates:
-        yield "contain all participants; create them again"
+        yield "contain all participants; delete them, then create them again"
         yield from (f"  {folder}" for folder in data.aggregates)
     yield from _bundles(data)
     yield "delete or renew exports, reports, copies and backups elsewhere yourself"

@@ -116,14 +116,15 @@ def _run(
             outcome, void, stopped = "aborted", "haptigraph was stopped", pressed
         except HaptigraphError as error:
             outcome, void = "aborted", str(error)
+        site.end()  # before the recording is closed, which takes a while
         service.set_trial_status("ending")
-    site.end()
     problem = _save(session, outcome, void)
     if outcome == "aborted" and service.ending is None:  # not by a page
         problem = problem or f"the trial was aborted: {void}"
     poor = quality_problems(end.quality.measures(), session.study.protocol.quality) if not problem else ()
     remark = f"data quality of {stage.key}: {', '.join(poor)}" if poor else ""
-    ended = "; ".join(filter(None, (problem or outcome, remark)))
+    is_ready = service.ending is not None and service.ending[0] == "ready"
+    ended = "; ".join(filter(None, (problem or ("ended by “I am ready”" if is_ready else outcome), remark)))
     report(f"{session.participant}  {stage.key}, attempt {attempt}: {ended}")
     doubt = None if loop.report.is_silent else NotSilent(config.haptics.outputs)
     if doubt is not None:

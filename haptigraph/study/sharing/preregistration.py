@@ -33,29 +33,34 @@ OUTPUTS = {
 }
 
 
-def preregistration(protocol: Protocol, about: About) -> str:
+def preregistration(protocol: Protocol, about: About | None = None) -> str:
     """Return the text, in Markdown.
 
     Args:
         protocol: The protocol.
-        about: The frozen study, whose date and SHA-256 the text states.
+        about: The frozen study, whose date and SHA-256 the text states; None before the first participant.
     """
+    text = about.parts[FILE] if about else protocol.parts[FILE]
+    sha256 = about.protocol_sha256 if about else protocol.sha256
+    when = (
+        f"that the first participant froze in {about.frozen_utc}" if about else "before the first participant"
+    )
+    only = "that was registered before" if about else "it is registered before that participant comes"
     sections = {
         "Design": _design(protocol),
         "Conditions": [_condition(each) for each in protocol.conditions],
         "Sample": _sample(protocol),
         "Procedure": list(_procedure(protocol)),
         "Measures": _measures(protocol),
-        "Analysis": list(_analysis(about.parts[FILE])),
+        "Analysis": list(_analysis(text)),
     }
     body = "\n\n".join(
         f"## {title}\n\n" + "\n".join(f"* {line}" for line in lines) for title, lines in sections.items()
     )
     return (
-        f"# Preregistration: {about.title}\n\n"
-        f"Generated from the protocol that the first participant froze in {about.frozen_utc}. The SHA-256 of "
-        f"its texts is\n`{about.protocol_sha256}`.\nThis is a preregistration only if that was "
-        f"registered before.\n\n{body}\n"
+        f"# Preregistration: {about.title if about else protocol.study.title}\n\n"
+        f"Generated from the protocol {when}. The SHA-256 of its texts is\n`{sha256}`.\n"
+        f"This is a preregistration only if {only}.\n\n{body}\n"
     )
 
 

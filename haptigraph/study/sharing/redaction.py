@@ -125,7 +125,11 @@ class _Redaction:
         ]
         shared = [row for row in recorded if "recordings" in self._allowed[row["participant"]]]
         absent = len(self._people) - len(self._present)
-        self._left_out["recordings"] = len(recorded) - len(shared)
+        asks = any("recordings" in each for item in self._items.values() for each in item.shares.values())
+        why = (
+            "not allowed by their participants" if asks else "the protocol does not ask for consent to share"
+        )
+        self._left_out[f"recordings ({why})"] = len(recorded) - len(shared)
         self._left_out["participants who withdrew, or did not consent, with all their rows"] = absent
         left_out = {what: count for what, count in self._left_out.items() if count}
         if ITEMS in self._tables:

@@ -171,9 +171,7 @@ def test_trials_beyond_a_threshold_are_excluded_and_counted(tmp_path):
     results = analyse(read_tables(freeze(folder, PROTOCOL + rules + quality)), AnalysisPlan())
     assert (results.poor_trials, len(results.runs), results.excluded) == (1, 15, [])
     text = preregistered(results)
-    assert (
-        "trials beyond a threshold of data quality (1), participants with fewer than 1 valid trials" in text
-    )
+    assert "trials beyond a threshold of data quality (1), participants with no valid trial" in text
     kept = analyse(read_tables(freeze(folder, PROTOCOL + ANALYSIS + quality)), AnalysisPlan())
     assert (kept.poor_trials, len(kept.runs)) == (0, 16)
 

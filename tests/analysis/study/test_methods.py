@@ -23,7 +23,7 @@ def methods_of(folder, **changes) -> str:
 
 def test_two_participants_in_opposite_orders_did_not_meet_the_same_order(tmp_path):
     text = methods_of(tmp_path, made=simulated_study(2, trials=1))
-    assert "same order" not in text and "Completion Time: 4 values are too few" in text
+    assert "same order" not in text and "Completion Time: 2 participants are too few" in text
     assert "Order and learning were not modelled." in text
 
 

@@ -52,6 +52,16 @@ def test_a_study_with_the_papers_conditions_is_set_beside_the_paper(tmp_path):
     ]
 
 
+def test_so_few_participants_have_no_intervals(tmp_path):
+    few, enough = (
+        beside_paper(results_of(tmp_path / str(count), participants=count), simulated=False).table.rows[1]
+        for count in (5, 6)
+    )
+    assert few[5].endswith(" [-]") and "[-]" not in enough[5]
+    one = beside_paper(results_of(tmp_path / "one", participants=1), simulated=False).table.rows[1]
+    assert "±" not in one[3]
+
+
 def test_the_columns_are_the_papers_whatever_the_reference(tmp_path):
     table = beside_paper(results_of(tmp_path / "one"), simulated=False).table
     turned = beside_paper(

@@ -44,11 +44,11 @@ def test_a_dry_run_lists_the_data_without_erasing_them(folder):
     output = call("study", "erase", folder, "P01", "--dry-run")
     assert output.exit_code == 0
     assert output.stdout.splitlines() == [
-        "P01: erased",
+        "P01: would be erased",
         "  rows of the store: events 1, sessions 1, stages 1; times of enrolment and consent",
         "  recordings/P01/training.mcap",
         "retained: the pseudonym, which is not reused, and place 1 in the counterbalancing",
-        "contain all participants; create them again",
+        "contain all participants; delete them, then create them again",
         "  out",
         "delete or renew exports, reports, copies and backups elsewhere yourself",
         "nothing was erased",

@@ -32,6 +32,10 @@ SHIFT = 0.14
 MIN_MEDIAN_N = 3
 LABEL_MM, POSITION_MM = 4.0, 28.0
 """Room of a trial's number, and of "second condition"."""
+PALE: dict[str, Any] = {"linewidth": 0.5, "markersize": 1.8, "alpha": 0.35}
+"""Participants behind the medians."""
+ALONE: dict[str, Any] = {"linewidth": 1.0, "markersize": 3.5, "alpha": 0.8}
+"""Participants who are too few for medians."""
 ORDINALS = {1: "first", 2: "second", 3: "third"}
 
 
@@ -46,6 +50,7 @@ def learning_figure(results: StudyResults, note: str) -> Figure | None:
     if not quantities or placed["place"].nunique() < 2:
         return None
     styles = condition_styles(results.conditions)
+    has_medians = bool(placed.groupby(["condition", "place"]).size().max() >= MIN_MEDIAN_N)
     if placed["number"].max() == 1:
         columns, shares = len(quantities), [styles]
         figure = new_figure(TWO_COLUMNS_MM if columns > 1 else ONE_COLUMN_MM, 62, note)
@@ -56,13 +61,17 @@ def learning_figure(results: StudyResults, note: str) -> Figure | None:
         panels = figure.subplots(len(quantities), columns, squeeze=False, sharey="row")
     for row, quantity in zip(panels, quantities, strict=True):
         for axes, share in zip(row, shares, strict=True):
-            _draw(axes, placed, quantity, share)
+            _draw(axes, placed, quantity, share, has_medians=has_medians)
             _label_session(axes, placed, 25.4 * figure.get_figwidth() / columns)
         row[0].set_ylabel(quantity.title)
+    has_lines = has_medians or placed["number"].max() > 1
     handles = [
-        axes.plot([], [], style.line, color=style.color, marker=style.marker, label=results.title_of(name))[0]
+        axes.plot(
+            [], [], color=style.color, linestyle=style.line if has_lines else "", marker=style.marker,
+            label=results.title_of(name), **({} if has_medians else ALONE),
+        )[0]
         for name, style in styles.items()
-    ]
+    ]  # fmt: skip
     legend_below(figure, handles)
     return figure
 
@@ -83,18 +92,26 @@ def session_places(runs: pd.DataFrame) -> pd.DataFrame:
     return runs.merge(steps, on=keys).sort_values(["participant", "place"])
 
 
-def _draw(axes: "Axes", placed: pd.DataFrame, quantity: Quantity, styles: dict[str, ConditionStyle]) -> None:
+def _draw(
+    axes: "Axes",
+    placed: pd.DataFrame,
+    quantity: Quantity,
+    styles: dict[str, ConditionStyle],
+    *,
+    has_medians: bool,
+) -> None:
+    people = PALE if has_medians else ALONE
     shown = placed[placed["condition"].isin(list(styles))].dropna(subset=[quantity.name])
     for _, person in shown.groupby("participant"):
         parts = [part for _, part in person.groupby("position")]
         for part in parts:
             style = styles[part["condition"].iloc[0]]
             _line(
-                axes, part, quantity, color=style.color, linestyle=style.line, marker=style.marker, alpha=0.35
+                axes, part, quantity, color=style.color, linestyle=style.line, marker=style.marker, **people
             )
         for before, after in pairwise(parts):
             link = pd.concat([before.tail(1), after.head(1)])
-            _line(axes, link, quantity, color="#a0a0a0", linestyle="-", alpha=0.4)
+            _line(axes, link, quantity, color="#a0a0a0", linestyle="-", **PALE)
     for number, (condition, style) in enumerate(styles.items()):
         aside = SHIFT * (number - (len(styles) - 1) / 2)
         _draw_medians(axes, shown[shown["condition"] == condition], quantity, aside, style)
@@ -105,8 +122,6 @@ def _line(axes: "Axes", runs: pd.DataFrame, quantity: Quantity, **style: Any) ->
     axes.plot(
         runs["place"],
         runs[quantity.name],
-        linewidth=0.5,
-        markersize=1.8,
         markeredgewidth=0,
         zorder=1.5,
         **style,

@@ -10,7 +10,10 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["EXACT_UP_TO", "Floats", "quantile", "rank_sum_distribution", "signed_rank_distribution", "tails"]
+__all__ = [
+    "EXACT_UP_TO", "Floats", "quantile", "rank_sum_distribution", "signed_rank_distribution", "smallest_p",
+    "tails",
+]  # fmt: skip
 
 EXACT_UP_TO = 50  # as in R and SciPy; beyond it the approximation is as good
 Floats = NDArray[np.float64]
@@ -50,6 +53,17 @@ def tails(probabilities: Floats, total: float) -> tuple[float, float]:
     """Return the probabilities of a sum of at most, and at least, `total`."""
     at = round(2 * total)
     return float(probabilities[: at + 1].sum()), float(probabilities[at:].sum())
+
+
+def smallest_p(first: int, second: int, *, paired: bool) -> float:
+    """Return the two-sided p-value of the most extreme ranks; with few values it is not significant.
+
+    Args:
+        first: Number of values of one condition.
+        second: Of the other; the same if paired.
+        paired: Whether of the same participants.
+    """
+    return min(1.0, 2.0 ** (1 - first) if paired else 2 / comb(first + second, first))
 
 
 def quantile(probabilities: Floats, tail: float) -> float:

@@ -7,15 +7,19 @@ import numpy as np
 import pandas as pd
 import statsmodels.formula.api as smf
 from msgspec import Struct
+from msgspec.structs import replace
 from scipy import stats
 from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
 from haptigraph.analysis.study.quantities import Quantity
+from haptigraph.analysis.study.statistics.exact import smallest_p
 from haptigraph.analysis.study.statistics.satterthwaite import errors_and_df
+from haptigraph.study.plan import inseparable
 
 __all__ = ["MixedModel", "Term", "fit_mixed", "order_effects"]
 
 SAME_ORDER = "all participants met the conditions in the same order, so the two effects cannot be separated"
+LEVEL = 0.05
 SPARE = 3  # observations in excess of the coefficients
 
 
@@ -44,6 +48,8 @@ class MixedModel(Struct, frozen=True):
     residual_sd: float
     remark: str
     """Problem of the fit, or ""."""
+    dropped: tuple[str, ...] = ()
+    """Factors that vary and are not in the formula, each with the reason."""
 
 
 def fit_mixed(frame: pd.DataFrame, formula: str, name: str = "") -> MixedModel:
@@ -94,6 +100,29 @@ def order_effects(runs: pd.DataFrame, quantity: Quantity, conditions: list[str])
     """
     frame = runs.dropna(subset=[quantity.name, "position"]).rename(columns={quantity.name: "value"})
     frame = frame[frame["condition"].isin(conditions)]
+    if reason := _why_unmodelled(frame):
+        return reason
+    frame = _with_factors(frame, runs, conditions)
+    chosen, dropped = ["condition"], []
+    for factor in ("position", "target", "trial", "sequence", "after"):
+        if factor not in frame or frame[factor].nunique() < 2:
+            continue
+        if problem := _problem(frame, chosen, factor):
+            dropped.append(f"{factor}, as {problem}")
+        else:
+            chosen.append(factor)
+    if "position" not in chosen:
+        is_same = (frame.groupby("condition", observed=True)["position"].nunique() == 1).all()
+        return SAME_ORDER if is_same else f"{len(frame)} values are too few"
+    try:
+        fitted = fit_mixed(frame, f"value ~ {' + '.join(chosen)}", quantity.name)
+    except np.linalg.LinAlgError:
+        return "the fit failed"
+    return replace(fitted, dropped=tuple(dropped))
+
+
+def _why_unmodelled(frame: pd.DataFrame) -> str:
+    """Return why values have no model, whatever its factors; empty if they may have one."""
     people = frame.groupby("participant")["condition"]
     if frame.empty or (people.nunique() < 2).all():
         return "no participant has values and positions of two conditions"
@@ -101,18 +130,17 @@ def order_effects(runs: pd.DataFrame, quantity: Quantity, conditions: list[str])
         return "all values are equal"
     if people.ngroups < 2:
         return "only one participant has values"
-    frame = _with_factors(frame, runs, conditions)
-    chosen = ["condition"]
-    for factor in ("position", "target", "trial", "sequence", "after"):
-        if factor in frame and frame[factor].notna().all() and _is_estimable(frame, [*chosen, factor]):
-            chosen.append(factor)
-    if "position" not in chosen:
-        is_same = (frame.groupby("condition", observed=True)["position"].nunique() == 1).all()
-        return SAME_ORDER if is_same else f"{len(frame)} values are too few"
-    try:
-        return fit_mixed(frame, f"value ~ {' + '.join(chosen)}", quantity.name)
-    except np.linalg.LinAlgError:
-        return "the fit failed"
+    if "target" in frame and (listed := inseparable(_pairs(frame))):
+        return f"condition cannot be separated from target ({listed})"
+    if smallest_p(people.ngroups, people.ngroups, paired=True) >= LEVEL:
+        return f"{people.ngroups} participants are too few: no ranks of so few reach p < {LEVEL}"
+    return ""
+
+
+def _pairs(frame: pd.DataFrame) -> list[tuple[str, str]]:
+    """Return condition and target of the runs with a target."""
+    known = frame.dropna(subset=["target"])
+    return list(zip(known["condition"].astype(str), known["target"].astype(str), strict=True))
 
 
 def _with_factors(frame: pd.DataFrame, runs: pd.DataFrame, conditions: list[str]) -> pd.DataFrame:
@@ -139,10 +167,14 @@ def _factor(values: Iterable[object], levels: list[str]) -> pd.Categorical:
     return pd.Categorical(values, levels).remove_unused_categories()
 
 
-def _is_estimable(frame: pd.DataFrame, factors: list[str]) -> bool:
-    """Return whether the data separate factors, with observations to spare."""
-    if any(frame[factor].nunique() < 2 for factor in factors):
-        return False
-    design = smf.ols(f"value ~ {' + '.join(factors)}", frame).exog
-    is_full = bool(np.linalg.matrix_rank(design) == design.shape[1])
-    return is_full and len(frame) >= design.shape[1] + SPARE
+def _problem(frame: pd.DataFrame, chosen: list[str], factor: str) -> str:
+    """Return why a factor cannot be added to those chosen, with observations to spare; empty if it can."""
+    if frame[factor].isna().any():
+        return "some runs have none"
+    if any(frame[each].nunique() < 2 for each in chosen):
+        return f"all runs have the same {chosen[0]}"
+    design = smf.ols(f"value ~ {' + '.join([*chosen, factor])}", frame).exog
+    if np.linalg.matrix_rank(design) < design.shape[1]:
+        return f"it cannot be separated from {', '.join(chosen)}"
+    few = len(frame) < design.shape[1] + SPARE
+    return f"{len(frame)} values are too few" if few else ""

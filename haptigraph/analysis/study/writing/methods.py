@@ -1,5 +1,6 @@
 """The methods section of a report: tests with their variants, versions, seeds and missing data."""
 
+import math
 import platform
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -65,7 +66,10 @@ def preregistered(results: StudyResults) -> str:
     if analysis.exclude_poor_trials:
         rules.append(f"trials beyond a threshold of data quality ({results.poor_trials})")
     if analysis.min_trials:
-        fewest = f"fewer than {analysis.min_trials} valid trials under a condition"
+        few = (
+            "no valid trial" if analysis.min_trials == 1 else f"fewer than {analysis.min_trials} valid trials"
+        )
+        fewest = f"{few} under a condition"
         rules.append(f"participants with {fewest} ({len(results.excluded)})")
     excluded = (
         f" Excluded as preregistered: {', '.join(rules)}." if rules else " Nothing is excluded by rule."
@@ -133,12 +137,18 @@ def _tests(results: StudyResults) -> str:
 
 def _sensitivity(results: StudyResults) -> str:
     t, of = ("a paired t test", "the differences") if results.is_within else ("Welch's t test", "each sample")
+    comparisons = [each for family in results.families for each in family.comparisons]
+    has_power = any(math.isfinite(each.power.detectable_d) for each in comparisons)
+    power = (
+        "Power is that of the t test with n multiplied by 3/π, the asymptotic relative efficiency of the "
+        "rank test for a normal distribution; power at the observed effect is a function of the p-value, so "
+        "the smallest effect detectable with 80 % power is reported with it."
+        if has_power
+        else "Power is not reported, because there are too few values."
+    )
     return (
-        f"Normality of {of} was checked "
-        f"by the Shapiro-Wilk test; {t} is reported as sensitivity analysis. Power is that of the "
-        "t test with n multiplied by 3/π, the asymptotic relative efficiency of the rank test for a "
-        "normal distribution; power at the observed effect is a function of the p-value, so the "
-        "smallest effect detectable with 80 % power is reported with it."
+        f"Normality of {of} was checked by the Shapiro-Wilk test; {t} is reported as sensitivity analysis. "
+        f"{power}"
     )
 
 
@@ -170,15 +180,24 @@ def _order(results: StudyResults) -> str:
     models = "; ".join(f"{formula} ({', '.join(labels)})" for formula, labels in formulas.items())
     used = [name for name in FACTORS if any(name in formula.split(" + ") for formula in formulas)]
     meanings = ", ".join(f"{name} is {FACTORS[name]}" for name in used)
+    about = (
+        "Order, learning and target" if any("target" in each for each in formulas) else "Order and learning"
+    )
     fitted = (
-        "Order, learning and target: linear mixed models with a random intercept per participant, fitted by "
+        f"{about}: linear mixed models with a random intercept per participant, fitted by "
         f"REML; fixed effects: {models}, where {meanings}. The t tests have Satterthwaite's degrees of "
         "freedom."
         if models
         else "Order and learning were not modelled."
     )
+    left_out = "; ".join(
+        f"{', '.join(model.dropped)} ({results.quantities[model.name].label})"
+        for model in results.order
+        if model.dropped
+    )
     reasons = "; ".join(f"{label}: {reason}" for label, reason in results.unmodelled.items())
-    return f"{fitted} No model: {reasons}." if reasons else fitted
+    parts = [fitted, left_out and f"Left out: {left_out}.", reasons and f"No model: {reasons}."]
+    return " ".join(part for part in parts if part)
 
 
 def _questionnaires(results: StudyResults, *, simulated: bool) -> Iterator[str]:

@@ -27,6 +27,14 @@ export class StatePanel {
     document.body.dataset.state = header.state;
   }
 
+  /** Show no step. */
+  clear() {
+    this.state = "";
+    for (const name of /** @type {const} */ (["state", "because", "feels"])) setText($(name), "");
+    $("icon").replaceChildren();
+    this.showAmplitude(0);
+  }
+
   showState(/** @type {string} */ name) {
     const state = this.states?.get(name) ?? this.states?.get("unknown");
     this.state = name;

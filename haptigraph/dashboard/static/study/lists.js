@@ -34,7 +34,7 @@ export function showPlan(current) {
   $("plan").replaceChildren(...(current?.plan ?? []).map((each, number) => {
     const isNow = number === current?.done && !current.ended;
     const attempts = each.attempts.map(({ attempt, outcome, void: reason }) =>
-      `${each.attempts.length > 1 ? `${attempt}: ` : ""}${outcome === null ? "running" : reason === null ? OUTCOMES[outcome] : `does not count (${reason})`}`);
+      `${each.attempts.length > 1 ? `${attempt}: ` : ""}${outcome === null ? "running" : reason === null ? (outcome === "timeout" && each.key.startsWith("training/") ? "ended" : OUTCOMES[outcome]) : `does not count (${reason})`}`);
     const item = make("li", { className: isNow ? "now" : each.is_done ? "done" : "" },
       make("span", { ariaHidden: "true" }, isNow ? "▶" : each.is_done ? "✓" : "·"),
       make("span", {}, each.title), make("span", { className: "quiet" }, isNow && "now"),

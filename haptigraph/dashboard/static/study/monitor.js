@@ -10,6 +10,7 @@ const DRAW_MS = 1000 / 10;
 
 export class Monitor {
   isOn = false;
+  /** Whose trials it has shown; null: not known yet. @type {string | null} */ participant = null;
   panel = new StatePanel();
   banner = new Banner();
   view = new View($("view"), $("overlays"));
@@ -34,14 +35,17 @@ export class Monitor {
     this.panel.show(header);
     this.traces.add(header);
     this.view.show(header, picture);
-    setText($("hand"), header.hand ? (header.hand.engaged ? "● moving the instrument" : "○ disengaged") : "");
+    setText($("hand"), header.hand ? (header.hand.engaged ? "● moving the instrument" : "○ at rest") : "");
   }
 
   /** @param {Health} health empty between trials */
   showHealth(health) { if (health.rate_hz === undefined) $("health").replaceChildren(); else this.panel.showHealth(health, this.feed.latency_ms); }
 
   /** Show whether a trial runs, and no more than blinding permits. @param {ExperimenterStatus} status */
-  showStatus({ trial_status, shows_conditions }) {
+  showStatus({ trial_status, shows_conditions, current }) {
+    const participant = current?.participant ?? "";
+    if (this.participant !== null && participant !== this.participant && !trial_status) this.clear();
+    this.participant = participant;
     this.isOn = trial_status === "running" || trial_status === "ending";
     $("idle").hidden = this.isOn;
     const what = shows_conditions ? "the eye with the instrument, the surgical state, the haptic output, and distance and angle over time" : "the eye with the instrument";
@@ -51,6 +55,15 @@ export class Monitor {
     $("monitor").classList.toggle("empty", !this.feed.hello);
     $("monitor").classList.toggle("blind", !shows_conditions);
     $("procedure").hidden = !shows_conditions;
+  }
+
+  /** Remove the last trial: it is another participant's. */
+  clear() {
+    this.feed.hello = this.feed.header = null;
+    this.view.begin(null);
+    this.traces.clear();
+    this.panel.clear();
+    setText($("hand"), "");
   }
 
   draw() {

@@ -116,10 +116,12 @@ function waiting(status) {
 async function open(participant, otherStation) {
   const current = page.status?.current;
   const leaves = leaving(current);
-  if (otherStation || leaves) {
+  const views = page.status?.participants.some((each) => each.participant === participant && each.ended)
+    ? `The plan and the notes of ${participant} are shown here. ${participant} is at this station until you press Leave station. ` : "";
+  if (otherStation || leaves || views) {
     const reason = await confirmed({
       question: `Open ${participant} at this station?`, confirm: otherStation ? "Take over" : "Open",
-      consequence: leaves + (otherStation ? `${participant} is at station ${otherStation}, which is cut off; a trial that runs there is interrupted.` : ""),
+      consequence: leaves + views + (otherStation ? `${participant} is at station ${otherStation}, which is cut off; a trial that runs there is interrupted.` : ""),
     });
     if (reason === null) return;
   }

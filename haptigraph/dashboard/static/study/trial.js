@@ -75,6 +75,9 @@ export class Trial {
     this.phases.show(header);
   }
 
+  /** Whether a trial runs; the loop's end comes before that of the trial, which is saved meanwhile. */
+  get isOn() { return this.status === "running" && !this.feed.ended; }
+
   /** Note who has the controls, and take them if they are free. @param {string} holder */
   setHolder(holder) {
     this.holder = holder;
@@ -93,16 +96,19 @@ export class Trial {
   }
 
   draw() {
-    const isOn = this.status === "running", { engaged } = this.steering;
+    const isOn = this.isOn, { engaged } = this.steering;
     const others = this.holder && this.holder !== this.me ? "Another page has the controls; close it." : "";
     $("pad").textContent = controllerText(this.controller.pad());
     this.touch.name();
     const hint = isOn && !this.view.hasEntered && View.portOf(this.feed.hello) ? `${this.title}: enter through the marked port` : this.title;
-    setText($("trial-status"), { "": "", preparing: "One moment, please …", running: hint, stimulus: "", ending: "Finished. One moment, please …" }[this.status]);
-    $("clutch").textContent = !isOn || !this.feed.hello?.steerable ? "" : others || (engaged ? "● moving the instrument" : "○ disengaged");
+    const finished = "Finished. One moment, please …";
+    setText($("trial-status"), { "": "", preparing: "One moment, please …", running: isOn ? hint : finished, stimulus: "", ending: finished }[this.status]);
+    $("keys").hidden = !isOn || !this.feed.hello?.steerable;
+    $("clutch").textContent = !isOn || !this.feed.hello?.steerable ? "" : others || (engaged ? "● moving the instrument" : "○ at rest");
     $("clutch").classList.toggle("on", engaged);
     const isFrozen = isOn && performance.now() - this.picture_ms > FROZEN_MS;
     this.banner.update(isFrozen ? { title: "The picture is frozen", detail: "Please wait a moment. Haptic feedback is off.", isCut: true } : null);
+    if (!isOn) $("banner").hidden = true;  // at once, so that it does not lie over the next card
     $("view").classList.toggle("lost", isFrozen || !isOn);
   }
 }

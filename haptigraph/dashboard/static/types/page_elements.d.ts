@@ -4,7 +4,7 @@ type PageElements =
   & Record<"about" | "amplitude" | "answered" | "axes" | "banner" | "because" | "buttons" | "calibration" | "calibration-count" | "calibration-result" | "calibration-status" |
     "calibration-text" | "calibration-title" | "clock" | "clutch" |
     "consequence" | "depth" | "detail" | "doing" | "found-count" | "empty" | "events" | "exists-title" | "fault" | "feels" | "folder" |
-    "hand" | "health" | "help" | "holder" | "idle" | "in-space" | "instead" | "items" | "jaws" | "lanes" | "list" | "monitor"
+    "hand" | "health" | "help" | "holder" | "idle" | "in-space" | "instead" | "items" | "jaws" | "keys" | "lanes" | "list" | "monitor"
     | "name" | "no-picture" | "note" | "notes" | "now" | "pad" | "participant" | "picture-panel" | "places" |
     "plan" | "problem" | "procedure" | "question" | "questionnaire-intro" | "questionnaire-source" |
     "questionnaire-title" | "ready" | "robot" | "robot-facts" | "robot-name" | "robot-reasons" | "robot-state" | "roster" | "run" | "scale-value" | "score" | "simulated" | "source" | "stage" |

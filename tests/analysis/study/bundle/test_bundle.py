@@ -90,9 +90,12 @@ def test_what_a_participant_allows_is_in_the_bundle(exported):
     assert (reader.info.participant, reader.info.started_utc[:7]) == (sharing, "2000-01")
     for (capture, step), (other, recorded_step) in zip(reader.records(), original.records(), strict=True):
         assert step == recorded_step and capture.encoded == other.encoded
-    left_out = "left out: answers in a participant's own words: 3", "left out: recordings: 1"
+    left_out = (
+        "left out: answers in a participant's own words: 3",
+        "left out: recordings (not allowed by their participants): 1",
+    )
     assert set(left_out) <= set(result.stdout.splitlines())
-    assert "* recordings: 1\n" in (bundle / "README.md").read_text()
+    assert "* recordings (not allowed by their participants): 1\n" in (bundle / "README.md").read_text()
 
 
 def test_rows_reveal_neither_order_nor_time_of_enrolment(exported):

@@ -112,19 +112,36 @@ def test_carry_over_of_more_than_two_conditions_is_that_of_the_condition_before(
     ("frame", "reason"),
     [
         (crossover(8).assign(position=lambda t: t["condition"].map({"a": 1, "b": 2})), "in the same order"),
-        (crossover(2, trials=1), "4 values are too few"),  # they met the conditions in opposite orders
+        (crossover(2), "2 participants are too few: no ranks of so few reach p < 0.05"),
+        (
+            crossover(8).assign(target=lambda t: "of " + t["condition"]),
+            "condition cannot be separated from target (of a only under a; of b only under b)",
+        ),
         (crossover(1), "only one participant has values"),
         (crossover(6).assign(mean_theta_deg=7.0), "all values are equal"),
         (crossover(6).assign(position=float("nan")), "no participant has values and positions of two"),
         (crossover(6).query("position == 1"), "no participant has values and positions of two"),
     ],
-    ids=["fixed order", "two people", "one person", "constant", "no position", "one condition each"],
+    ids=[
+        "fixed order",
+        "two people",
+        "confounded",
+        "one person",
+        "constant",
+        "no position",
+        "one condition each",
+    ],
 )
 def test_the_reason_is_given_where_there_is_no_model(frame, reason):
     found = order_effects(frame, THETA, ["a", "b"])
     assert isinstance(found, str) and reason in found
 
 
-def test_targets_that_are_confounded_with_the_condition_are_left_out():
-    frame = crossover(8).assign(target=lambda t: "of " + t["condition"])
-    assert "target" not in model_of(frame).formula
+def test_a_factor_that_is_left_out_is_named_with_the_reason():
+    assert model_of(crossover(8)).dropped == ()
+    frame = crossover(8).assign(target=lambda t: "at " + t["position"].astype(str))
+    model = model_of(frame)
+    assert "target" not in model.formula
+    assert model.dropped == ("target, as it cannot be separated from condition, position",)
+    frame.loc[frame.index[0], "target"] = None
+    assert model_of(frame).dropped == ("target, as some runs have none",)
