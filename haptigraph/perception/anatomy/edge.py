@@ -68,16 +68,20 @@ class Rays(Struct, eq=False):
     center_px: Vec
     angles: Floats
     radii_px: Floats
+    """Of the sampled circles; mean radii of the sampled curves, if they are shaped like an edge."""
     strength: Floats
     """(rays, radii), grey levels per px; nan outside the image."""
 
 
-def rays_from(image: NDArray[np.float32], center: Vec, low_px: float, high_px: float) -> Rays:
-    """Sample the gradient magnitude along rays between two radii."""
+def rays_from(
+    image: NDArray[np.float32], center: Vec, low_px: float, high_px: float, like: Edge | None = None
+) -> Rays:
+    """Sample the gradient magnitude along rays between two circles, or two curves shaped like an edge."""
     angles = np.arange(RAYS) * 2 * math.pi / RAYS
     radii = np.arange(low_px, high_px, STEP_PX)
-    x = (center[0] + np.outer(np.sin(angles), radii)).astype(np.float32)
-    y = (center[1] + np.outer(np.cos(angles), radii)).astype(np.float32)
+    shape = like.radii_px(angles) / like.radius_px if like else np.ones(RAYS)
+    x = (center[0] + np.outer(np.sin(angles) * shape, radii)).astype(np.float32)
+    y = (center[1] + np.outer(np.cos(angles) * shape, radii)).astype(np.float32)
     samples = np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
     gradient = np.gradient(samples.astype(np.float64), STEP_PX, axis=1)
     strength = np.sqrt(np.mean(gradient**2, axis=2))
@@ -87,20 +91,27 @@ def rays_from(image: NDArray[np.float32], center: Vec, low_px: float, high_px: f
 
 
 def edge_near(
-    image: NDArray[np.float32], center: Vec, radius_px: float, reach_ratio: float = 0.04
+    image: NDArray[np.float32],
+    center: Vec,
+    radius_px: float,
+    reach_ratio: float = 0.04,
+    like: Edge | None = None,
 ) -> Edge | None:
-    """Fit the edge near a circle.
+    """Fit the edge near a circle, or near a curve as out of round as another edge.
 
     Args:
         image: (h, w, 3), smoothed.
-        center: Centre of the circle [px].
-        radius_px: Its radius.
+        center: Centre of the circle or curve [px].
+        radius_px: Its mean radius.
         reach_ratio: Half width of the searched ring, relative to the radius.
+        like: The other edge, if there is one.
 
     Returns:
         None if too few rays detect an edge.
     """
     harmonics = np.array([radius_px, 0.0, 0.0, 0.0, 0.0])
+    if like is not None:
+        harmonics[3:] = like.harmonics_px[3:] * radius_px / like.radius_px
     edge = None
     for reach_px in (max(reach_ratio * radius_px, 4.0), 4.0, 4.0):
         margin_px = reach_px + 3 * math.hypot(*harmonics[3:]) + 8

@@ -30,6 +30,8 @@ EVERY = 6  # rays
 ITERATIONS = 10
 RINGS, SPOKES = np.array([0.0, 0.3, 0.6, 0.8, 1.0]), 16
 GUESSED_TILT_RAD, GUESSED_CLOSENESS = 0.02, 0.15
+OPPOSITE = np.array([1, 1, 1, -1, -1, 1, 1])
+"""Turns a tilt round, among the parameters of `fit_circles`: distortion decides between the two."""
 
 
 def lens_risk_px(rim: Rim, tilt: CameraTilt | None, size_px: tuple[int, int]) -> float:
@@ -68,15 +70,16 @@ def _costs_and_errors(rim: Rim, tilt: CameraTilt | None, size_px: tuple[int, int
     radius = inner.radius_px
     wall, closeness = outer.radius_px / radius, min(radius / guess.focal_px, 2 * GUESSED_CLOSENESS)
     first = np.array([*inner.center_px, radius, right, down, closeness, wall])
-    starts = {len(SHARES) // 2: [first, first * (1, 1, 1, -1, -1, 1, 1)]}
+    starts = {len(SHARES) // 2: first}
     rows: dict[int, tuple[float, float]] = {}
     for number in _outwards(len(SHARES)):
         share = float(SHARES[number])
         points = _undistorted(inner_px, share, middle), _undistorted(outer_px, share, middle)
-        fits = [fit_circles(start, points, middle, Prior(), ITERATIONS) for start in starts[number]]
+        both = starts[number], starts[number] * OPPOSITE
+        fits = [fit_circles(start, points, middle, Prior(), ITERATIONS) for start in both]
         cost, values = min(fits, key=lambda fit: fit[0])
-        starts.setdefault(number - 1, [values])
-        starts.setdefault(number + 1, [values])
+        starts.setdefault(number - 1, values)
+        starts.setdefault(number + 1, values)
         offsets = _section_positions(_undistorted(disc_px, share, middle), values, middle) - disc
         rows[number] = cost, float(np.hypot(*offsets.T).max()) * inner.radius_px
     costs, errors_px = np.array([rows[number] for number in range(len(SHARES))]).T

@@ -25,6 +25,7 @@ VOTING_WIDTH_PX = 400.0
 WALL_RATIO = (1.04, 1.45)  # outer over inner radius
 TYPICAL_WALL_MIDDLE = 1.07
 """Radius of the middle of the wall over that of its inner edge, where the outer edge is not detected."""
+OTHER_REACH = 0.02  # relative to the radius: so near its expected shape is the other edge of a wall
 CONCENTRIC_RATIO = 0.1  # circles have one centre if theirs are closer, relative to the radius
 MAX_GAIN = 8.0
 MIN_BRIGHTEST_GREY = 12.0  # of an image's brightest part
@@ -111,7 +112,7 @@ def _expected_rim(smooth: NDArray[np.float32], expected: Expected) -> Rim | None
 def _expected_walls(smooth: NDArray[np.float32], edge: Edge, expected: Expected) -> Iterator[Rim]:
     """Yield walls of the expected thickness that have an edge inside or outside."""
     for ratio in (expected.wall_ratio, 1 / expected.wall_ratio):
-        other = edge_near(smooth, edge.center_px, edge.radius_px * ratio, 0.02)
+        other = edge_near(smooth, edge.center_px, edge.radius_px * ratio, OTHER_REACH, edge)
         inner, outer = (edge, other) if ratio > 1 else (other, edge)
         if inner and outer and expected.is_wall(outer.radius_px / inner.radius_px):
             yield Rim(inner, outer)
@@ -214,11 +215,10 @@ def _edge_pixels(small: NDArray[np.float32]) -> tuple[Floats, Floats, Floats, Fl
 
 
 def _complete(image: NDArray[np.float32], edge: Edge) -> Rim | None:
-    """Find the other edge of the wall, inside or outside a given one."""
+    """Find the other edge of the wall, inside or outside a given one and as out of round."""
     pairs = []
-    rays = rays_from(
-        image, edge.center_px, edge.radius_px / WALL_RATIO[1] - 4, edge.radius_px * WALL_RATIO[1] + 4
-    )
+    low_px, high_px = edge.radius_px / WALL_RATIO[1] - 4, edge.radius_px * WALL_RATIO[1] + 4
+    rays = rays_from(image, edge.center_px, low_px, high_px, edge)
     # The median over rays suppresses what only few of them cross.
     is_observed = np.asarray(np.isfinite(rays.strength).any(axis=0))
     profile = np.zeros(len(is_observed))
@@ -232,7 +232,7 @@ def _complete(image: NDArray[np.float32], edge: Edge) -> Rim | None:
         small, large = sorted((float(radius_px), edge.radius_px))
         if not WALL_RATIO[0] <= large / small <= WALL_RATIO[1] or small < MIN_RADIUS_PX:
             continue
-        other = edge_near(image, edge.center_px, float(radius_px), 0.02)
+        other = edge_near(image, edge.center_px, float(radius_px), OTHER_REACH, edge)
         if other is None:
             continue
         inner, outer = (other, edge) if other.radius_px < edge.radius_px else (edge, other)

@@ -3,9 +3,11 @@
 import math
 
 import cv2
+import numpy as np
 from helpers import call
 from lens import SECTION, LensScene, lens_scene
 
+from haptigraph.perception.anatomy.camera_tilt import Prior, fit_circles
 from haptigraph.registration.lens_file import LensFile, LensImage, lens_file_text
 from haptigraph.registration.loading import load_camera_registration
 
@@ -38,3 +40,21 @@ def test_with_a_lens_the_registration_is_without_its_distortion(tmp_path):
     assert "lens       corrected as calibrated" in corrected.output
     assert largest_error_px(scene, registration) < 0.5
     assert distorted_px > 1
+
+
+def test_a_simulated_lens_and_a_tilt_are_of_one_camera():
+    scene = lens_scene(1, -1, seed=1)
+    turns = np.linspace(0, 2 * math.pi, 60, endpoint=False)
+    around = scene.radius_mm * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    inner, outer = (
+        np.array([scene.lens.undistorted(scene.truth.to_px(tuple(ratio * at_mm))) for at_mm in around])
+        for ratio in (1.0, 1.1)
+    )
+    radius_px = scene.radius_mm / scene.truth.mm_per_px
+    closeness = radius_px / scene.lens.ideal_focal_px
+    start = np.array([*scene.truth.center_px, radius_px, 0.05, 0.05, closeness, 1.1])
+
+    prior = Prior((closeness, 0.005))
+    cost, _ = fit_circles(start, (inner, outer), scene.lens.principal_px, prior)
+
+    assert cost < 1e-3

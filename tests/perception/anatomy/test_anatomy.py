@@ -178,6 +178,20 @@ def test_the_rim_of_a_tilted_view_is_found():
     assert rim.outer is not None
 
 
+@pytest.mark.parametrize("shift_px", [(0.0, 0.0), (1.3, 0.7)])
+def test_both_edges_of_a_wall_are_found_that_is_far_from_round(shift_px):
+    scenario = load_scenario("align_then_approach")
+    camera = replace(scenario.camera, tilt_deg=(0.0, 18.0), center_px=(600.0, 370.0), distance_mm=60.0)
+    moment = Phantom(replace(scenario, camera=camera)).advance()
+    assert moment is not None
+    shift = np.array([[1, 0, shift_px[0]], [0, 1, shift_px[1]]])
+    rim = find_rim(cv2.warpAffine(moment.image, shift, (1280, 720), borderMode=cv2.BORDER_REPLICATE))
+    assert rim.inner.out_of_round_px > 0.02 * rim.inner.radius_px
+    assert rim.outer is not None
+    wall_ratio = 1 + 2 * scenario.eye.wall_mm / scenario.eye.diameter_mm
+    assert rim.outer.radius_px / rim.inner.radius_px == pytest.approx(wall_ratio, abs=0.005)
+
+
 def no_eye() -> Image:
     rng = np.random.default_rng(4)
     grain = cv2.resize(rng.normal(120, 30, (90, 16)).astype(np.float32), (640, 360))

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from lens import edge_through, rim_seen
+from lens import edge_through, rim_seen, uncalibrated
 
 from haptigraph.lens import Lens
 from haptigraph.perception.anatomy.lens_risk import lens_risk_px
@@ -43,3 +43,10 @@ def test_an_edge_is_fitted_through_points():
     turns = np.linspace(0, 2 * math.pi, 100, endpoint=False)
     edge = edge_through(np.stack([300 + 50 * np.sin(turns), 200 + 50 * np.cos(turns)], axis=1))
     assert edge.center_px == pytest.approx((300, 200)) and edge.radius_px == pytest.approx(50)
+
+
+def test_a_tilt_that_the_lens_turned_round_is_not_safe():
+    """With its distortion the rim looks tilted by 11 degrees to one side; it is tilted by 4 to the other."""
+    error_px, risk_px = uncalibrated(37, 1, seed=1)
+    assert error_px > 3
+    assert risk_px > 3
