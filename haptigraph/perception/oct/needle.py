@@ -13,7 +13,7 @@ import numpy as np
 
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, Mask
-from haptigraph.perception.native.bscan_needle import ShaftSearch, SurfacePair, find_shaft
+from haptigraph.perception.native.bscan_needle import RidgeLine, ShaftSearch, SurfacePair, find_shaft
 from haptigraph.perception.oct.bevel import Drop, drop_in_tissue, drop_in_vitreous
 from haptigraph.perception.oct.ridge import Ridge, ridge_search
 from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage
@@ -66,10 +66,18 @@ class NeedleConstants(NamedTuple):
     """Lateral; where the edge is less certain, a spot below the line may not be in the tip's column."""
     beyond_tip_mm: float = 0.035
     """The metal's brightness ends so far beyond the tip at most."""
+    beyond_spot_mm: float = 0.008
+    """The same of a bevel's point that is a spot of its own."""
+    spot_mm: float = 0.1
+    """From the gap that parts it from the shaft."""
+    gap_share: float = 0.67
+    """Brightness of that gap, of the spot's."""
     bright_share: float = 0.35
     """Of the typical contrast, for metal before the shadow's edge."""
     agreeing_sds: int = 4
     """Of the shadow's edge, by which the metal's end may move the tip."""
+    differing_sds: float = 1.25
+    """By which the shadow's edge may be further on below the surface than at it, without a vessel."""
     end_sd_mm: float = 0.03
     """Of the end of a ridge whose shadow falls on no tissue."""
 
@@ -153,15 +161,30 @@ def _with_tip(scan: ScanImage, shaft: Shaft, surfaces: Surfaces) -> Needle:
         may_continue = end.tip_px[1] > ilm_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm
         return end._replace(sd_px=None) if may_continue else end
     ilm_y, on_line = _crossing(surfaces, ridge, edge)
-    if on_line[1] < ilm_y and not _has_metal(shaft, edge):  # the shadow of a vessel may go on
-        shallow = find_shadow_edge(scan, ridge, end_x, surfaces, shallow=True)
-        if shallow is not None and _has_metal(shaft, shallow):
-            edge = shallow
+    shallow = find_shadow_edge(scan, ridge, end_x, surfaces, shallow=True)
+    if shallow is not None and _has_metal(shaft, shallow):
+        surface_y, at = _crossing(surfaces, ridge, shallow)
+        if on_line[1] < ilm_y or at[1] < surface_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm:
+            edge = _beside_vessels(shaft, edge, shallow)
             ilm_y, on_line = _crossing(surfaces, ridge, edge)
     further_px = ridge.side * (edge.x_px - end_x)
     if on_line[1] < ilm_y and further_px * scan.scale.lateral_mm > CONSTANTS.bevel_mm:
         edge = edge._replace(sd_px=further_px / 2)  # the shadow of something else, or a shaft that fades
     return _at_edge(scan, shaft, edge, on_line, ilm_y)
+
+
+def _beside_vessels(shaft: Shaft, deep: Edge, shallow: Edge) -> Edge:
+    """Return the edge of the needle's shadow, from that at the surface and that below it.
+
+    The shadow of a vessel begins below the surface; there, the needle's may seem to go on.
+    """
+    if not _has_metal(shaft, deep):
+        return shallow
+    late_px = shaft.ridge.side * (deep.x_px - shallow.x_px)
+    if late_px > CONSTANTS.differing_sds * math.hypot(deep.sd_px, shallow.sd_px):
+        return shallow._replace(sd_px=max(shallow.sd_px, late_px / 4))
+    share = deep.sd_px**2 / (deep.sd_px**2 + shallow.sd_px**2)
+    return Edge(deep.x_px + share * (shallow.x_px - deep.x_px), shallow.sd_px * math.sqrt(share))
 
 
 def _crossing(surfaces: Surfaces, ridge: Ridge, edge: Edge) -> tuple[float, Vec]:
@@ -205,7 +228,8 @@ def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec]:
     half_grey = float(contrast[run : end + 1].max()) / 2
     while end + 1 < len(contrast) and contrast[end + 1] > half_grey:
         end += 1
-    beyond = CONSTANTS.beyond_tip_mm / STEP_MM
+    is_spot = _is_spot(ridge.line, run + int(contrast[run : end + 1].argmax()))
+    beyond = (CONSTANTS.beyond_spot_mm if is_spot else CONSTANTS.beyond_tip_mm) / STEP_MM
     inside = min(max(at, end - beyond), end)
     moved_px = abs(inside - at) * column_px
     if moved_px > CONSTANTS.agreeing_sds * edge.sd_px:  # they disagree
@@ -218,6 +242,14 @@ def _last_bright(shaft: Shaft, at_steps: float) -> int:
     stop = max(round(at_steps + CONSTANTS.near_mm / STEP_MM) + 1, 0)
     back = shaft.ridge.line.contrast_grey[:stop][::-1] > CONSTANTS.bright_share * shaft.typical_grey
     return len(back) - 1 - int(back.argmax()) if back.any() else -1
+
+
+def _is_spot(line: RidgeLine, peak: int) -> bool:
+    """Return whether a dark gap parts the brightest place of the metal's end from the shaft."""
+    before = slice(max(peak - round(CONSTANTS.spot_mm / STEP_MM), 0), peak + 1)
+    contrast_grey, beside_grey = line.contrast_grey[before], line.brighter_grey[before]
+    above_grey = contrast_grey + np.maximum(beside_grey - beside_grey[-1], 0)  # a floater is no gap
+    return bool(above_grey.min() < CONSTANTS.gap_share * contrast_grey[-1])
 
 
 def _has_metal(shaft: Shaft, edge: Edge) -> bool:

@@ -47,6 +47,8 @@ class ShadowConstants(NamedTuple):
     rise_share: float = 0.8
     sd_mm: float = 0.0032
     """Smallest standard deviation of the edge."""
+    shallow_sd_mm: float = 0.006
+    """The same above vessels."""
     sd_share: float = 0.26
     """Of the edge's width, which adds to it."""
 
@@ -98,5 +100,6 @@ def find_shadow_edge(
     if found is None:
         return None
     x_px, width_px = found
-    sd_mm = max(CONSTANTS.sd_mm, CONSTANTS.sd_share * width_px * lateral_mm - CONSTANTS.sd_mm)
+    least_mm = CONSTANTS.shallow_sd_mm if shallow else CONSTANTS.sd_mm
+    sd_mm = max(least_mm, CONSTANTS.sd_share * width_px * lateral_mm - CONSTANTS.sd_mm)
     return Edge(x_px, sd_mm / lateral_mm)
