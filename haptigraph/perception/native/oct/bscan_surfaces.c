@@ -240,13 +240,35 @@ static double window_mean(const double *values, const uint8_t *visible, int colu
     return sum / total;
 }
 
+/* Return the row, in a visible column, of the straight line through the visible columns of a window: their mean
+   would be that of a column further from the end of what is visible. */
+static double window_line(const double *rows, const uint8_t *visible, int columns, const double *window,
+                          int reach, int column) {
+    const int first = column < reach ? 0 : column - reach;
+    const int last = column + reach < columns ? column + reach : columns - 1;
+    double total = 0, offsets = 0, spread = 0, sum = 0, product = 0;
+    for (int other = first; other <= last; other++) {
+        if (!visible[other]) continue;
+        const double weight = window[other - column + reach], offset = other - column;
+        total += weight;
+        offsets += weight * offset;
+        spread += weight * offset * offset;
+        sum += weight * rows[other];
+        product += weight * offset * rows[other];
+    }
+    const double determinant = total * spread - offsets * offsets;
+    return determinant > 1e-9 ? (spread * sum - offsets * product) / determinant : rows[column];
+}
+
 /* Smooth the rows of a surface over its visible columns, in place, and write their standard deviations: the
    scatter about the result, with the least one. `scratch` has two values per column. */
 static void smooth_rows(double *rows, const uint8_t *visible, int columns, const Smoothing *smoothing,
                         double *scratch, double *sd) {
     double *smooth = scratch, *misses = scratch + columns;
     for (int column = 0; column < columns; column++) {
-        smooth[column] = window_mean(rows, visible, columns, smoothing->window, smoothing->reach, column);
+        smooth[column] = (visible[column] ? window_line : window_mean)(rows, visible, columns,
+                                                                       smoothing->window, smoothing->reach,
+                                                                       column);
         misses[column] = square(rows[column] - smooth[column]);
     }
     for (int column = 0; column < columns; column++) {
@@ -266,14 +288,30 @@ static float quantile(const float *values, const uint8_t *of, int columns, doubl
     return count ? ordered[(int)(share * (count - 1))] : 0;
 }
 
-/* Take runs of less than so many columns out of a mask; one at its border may go on beyond it. */
+/* Return where the run of a mask that begins at a column, or has one value there, ends. */
+static int run_end(const uint8_t *mask, int columns, int start) {
+    int stop = start;
+    while (stop < columns && mask[stop] == mask[start]) stop++;
+    return stop;
+}
+
+/* Take runs of less than so many columns out of a mask; half are enough for one that may go on: at the mask's
+   border, or beside a longer run behind a gap as narrow as the shadow of a vessel. */
 EXPORT void remove_specks(uint8_t *mask, int columns, int least) {
-    for (int column = 0, start = 0; column <= columns; column++) {
-        if (column < columns && mask[column]) continue;
-        const int is_cut = start == 0 || column == columns, enough = is_cut ? (least + 1) / 2 : least;
-        if (column - start < enough)
-            for (int other = start; other < column; other++) mask[other] = 0;
-        start = column + 1;
+    const int narrow = (least + 1) / 2;
+    int beside = 0; /* the run before is long enough */
+    for (int start = 0, end = 0; start < columns; start = end) {
+        end = run_end(mask, columns, start);
+        if (!mask[start]) {
+            beside = beside && end - start < narrow;
+            continue;
+        }
+        const int next = end < columns ? run_end(mask, columns, end) : columns;
+        const int is_long = next < columns && run_end(mask, columns, next) - next >= least;
+        const int goes_on = start == 0 || end == columns || beside || (is_long && next - end < narrow);
+        beside = end - start >= least;
+        for (int column = start; end - start < (goes_on ? narrow : least) && column < end; column++)
+            mask[column] = 0;
     }
 }
 
@@ -311,6 +349,7 @@ VECTORS EXPORT int find_surfaces(const Grid *grid, const SurfaceSearch *search, 
     smooth_rows(rpe, is_band, columns, &search->rpe, scratch, rows + 3 * count);
     remove_specks(is_band, columns, search->min_columns);
     for (int column = 0; column < columns; column++) is_tissue[column] &= ilm[column] >= search->border_rows;
+    remove_specks(is_tissue, columns, search->min_columns);
     free(scratch);
     return found;
 }
