@@ -49,7 +49,7 @@ class ShadowConstants(NamedTuple):
     """Smallest standard deviation of the edge."""
     shallow_sd_mm: float = 0.006
     """The same above vessels."""
-    sd_share: float = 0.23
+    sd_share: float = 0.25
     """Of the edge's width, which adds to it."""
 
 

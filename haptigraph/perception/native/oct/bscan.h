@@ -94,6 +94,7 @@ typedef struct {
         below_rows;              /* far wall; spot on the line; searched beyond both */
     double half_px, ahead_px[2]; /* of the tip's column, and tissue in full light */
     double bright_share, equal_share, spot_sd_rows, lit_share, min_gain, floor_grey;
+    int apart_rows; /* whose noise is independent; positive */
 } BevelSearch;
 
 /* A shaft, and limits of the search for the edge of its shadow; lengths in columns, or in rows if named so.
