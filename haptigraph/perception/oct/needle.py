@@ -163,8 +163,11 @@ def _with_tip(scan: ScanImage, shaft: Shaft, surfaces: Surfaces) -> Needle:
     ilm_y, on_line = _crossing(surfaces, ridge, edge)
     shallow = find_shadow_edge(scan, ridge, end_x, surfaces, shallow=True)
     if shallow is not None and _has_metal(shaft, shallow):
-        surface_y, at = _crossing(surfaces, ridge, shallow)
-        if on_line[1] < ilm_y or at[1] < surface_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm:
+        is_above = on_line[1] < ilm_y
+        if not is_above:
+            surface_y, at = _crossing(surfaces, ridge, shallow)
+            is_above = at[1] < surface_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm
+        if is_above:
             edge = _beside_vessels(shaft, edge, shallow)
             ilm_y, on_line = _crossing(surfaces, ridge, edge)
     further_px = ridge.side * (edge.x_px - end_x)

@@ -146,6 +146,14 @@ static inline double between(const double *x, const double *values, int count, d
 int find_ridges(const uint8_t *image, int width, int height, const Grid *grid, const RidgeSearch *search,
                 const int32_t *limit_row, int room, RidgeLine *lines, float *contrast, float *brighter);
 
+/* Smooth the rows of a surface over its visible columns, in place, and write their standard deviations: the
+   scatter about the result, with the least one. `scratch` has two values per column. */
+void smooth_rows(double *rows, const uint8_t *visible, int columns, const Smoothing *smoothing,
+                 double *scratch, double *sd);
+
+/* Take runs of less than so many columns out of a mask, as in bscan_smoothing.c. */
+EXPORT void remove_specks(uint8_t *mask, int columns, int least);
+
 /* How surfaces are reported. */
 typedef struct {
     double tip_px, beyond_px, most_px; /* column of the tip, NaN for none; beyond it; extrapolated so far */
