@@ -202,10 +202,10 @@ def _at_edge(scan: ScanImage, shaft: Shaft, edge: Edge, on_line: Vec, ilm_y: flo
     slope = abs(ridge.line.along_px[1] / (ridge.line.along_px[0] or 1e-9))
     if y < ilm_y:
         is_clear = y < ilm_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm
-        in_metal, at = _within_metal(shaft, edge) if is_clear else (edge, on_line)
+        in_metal, at, is_spot = _within_metal(shaft, edge) if is_clear else (edge, on_line, False)
         is_earlier = 0 < ridge.side * (x - at[0]) <= CONSTANTS.agreeing_sds * edge.sd_px
         drop = drop_in_vitreous(scan, at if is_earlier else on_line, ilm_y, shaft.typical_grey)
-        if edge.sd_px * scan.scale.lateral_mm > CONSTANTS.certain_mm:
+        if is_spot or edge.sd_px * scan.scale.lateral_mm > CONSTANTS.certain_mm:
             drop = Drop(0.0, max(drop.sd_rows, drop.rows / 2))
         if is_earlier or not drop.rows:
             edge, (x, y) = in_metal, at
@@ -216,8 +216,10 @@ def _at_edge(scan: ScanImage, shaft: Shaft, edge: Edge, on_line: Vec, ilm_y: flo
     return Needle(ridge, (x, y + drop.rows), sd_px, shaft.share)
 
 
-def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec]:
-    """Return an edge, and the tip on the shaft's line, where the metal's brightness allows both.
+def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec, bool]:
+    """Return an edge and the tip on the shaft's line, where the metal's brightness allows both.
+
+    Return, too, whether the tip is a spot of its own, so that another one below it is none.
 
     The tip is not beyond the end of the bright metal, and not much before it. What is bright where
     light passes is a floater. An edge far beyond the metal is that of another shadow.
@@ -226,7 +228,7 @@ def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec]:
     at, column_px = ridge.steps_at_column(edge.x_px), abs(ridge.line.along_px[0]) * ridge.step_px
     end = _last_bright(shaft, at)
     if end < 0:
-        return edge, ridge.at_px(at)
+        return edge, ridge.at_px(at), False
     run = max(end - round(CONSTANTS.near_mm / STEP_MM), 0)
     half_grey = float(contrast[run : end + 1].max()) / 2
     while end + 1 < len(contrast) and contrast[end + 1] > half_grey:
@@ -235,9 +237,11 @@ def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec]:
     beyond = (CONSTANTS.beyond_spot_mm if is_spot else CONSTANTS.beyond_tip_mm) / STEP_MM
     inside = min(max(at, end - beyond), end)
     moved_px = abs(inside - at) * column_px
-    if moved_px > CONSTANTS.agreeing_sds * edge.sd_px:  # they disagree
+    differs = moved_px > CONSTANTS.agreeing_sds * edge.sd_px
+    if differs:
         inside = at if at < inside else end - beyond / 2
-    return edge._replace(sd_px=max(edge.sd_px, moved_px / 2)), ridge.at_px(inside)
+    edge = edge._replace(sd_px=max(edge.sd_px, moved_px / 2))
+    return edge, ridge.at_px(inside), is_spot and not differs
 
 
 def _last_bright(shaft: Shaft, at_steps: float) -> int:

@@ -118,6 +118,7 @@ def test_above_the_retina_the_tip_is_exact_and_the_line_runs_along_the_shaft(sco
         pytest.param(49, 9023, {"vessels": 8, "vessel_db": 14.0}, id="another vessel at the shadow's edge"),
         pytest.param(24, 7023, {"vessels": 8, "vessel_db": 14.0}, id="a gap before the bevel's point"),
         pytest.param(24, 33033, {"bevel_px": 45.0, "gap_db": 20.0}, id="a floater beside the shaft"),
+        pytest.param(6, 47023, {"tilt_deg": 12.0}, id="a floater below the bevel's point"),
     ],
 )
 def test_above_the_retina_the_tip_is_exact_beside(number, seed, fixed):
