@@ -178,7 +178,7 @@ compare-touch: setup  ## simulated operators without and with vibration and forc
 
 bench-oct: setup  ## errors of the B-scan perceiver, and the lead time of the alarm in 1,000 simulated approaches
 	$(BIN)/python benchmarks/bscan.py sweep 60 --figure docs/images/bscan_accuracy.png
-	$(BIN)/python benchmarks/bscan_approaches.py --images 20 --figure docs/images/bscan_lead.png
+	$(BIN)/python benchmarks/bscan_approaches.py --figure docs/images/bscan_lead.png
 
 bench-volumes: setup  ## errors in simulated OCT volumes, and the lead time of the alarm in 1,000 approaches at 4 volumes/s
 	$(BIN)/python benchmarks/volume.py speed

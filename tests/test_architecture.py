@@ -53,7 +53,7 @@ UNITLESS = {
     "participant_sd", "residual_sd", "width", "height",
     "weakest_amplitude", "sham_duty", "least_confidence", "across", "down", "depth_share", "target_share", "chance", "chroma_share", "light",
     "equal_share", "min_ridge_share", "max_tissue_share", "top_share", "body_share", "min_rise_share", "min_band_share",
-    "bright_share", "lit_share", "rise_share", "sd_share", "scatter_share", "min_contrast_sd", "min_band_sd", "slope_sd", "min_gain", "steepest", "side",
+    "bright_share", "gap_share", "differing_sds", "lit_share", "rise_share", "sd_share", "scatter_share", "min_contrast_sd", "min_band_sd", "slope_sd", "min_gain", "steepest", "side",
     "lowest_slope", "highest_slope",
     "bound_low", "bound_high", "p_t", "level", "total", "tail", "center", "half_range", "beta", "odds_ratio",
     "back", "towards", "apart", "deflection", "limit", "rim_ratio_sd", "wall_ratio", "wall_ratio_sd", "closeness", "closeness_sd",

@@ -1,4 +1,4 @@
-"""Passes over a B-scan: downsampling, surfaces (`bscan_cells.c`, `bscan_surfaces.c`)."""
+"""Passes over a B-scan: downsampling, surfaces (`bscan_cells.c`, `bscan_surfaces.c`, `bscan_smoothing.c`)."""
 
 import ctypes
 from operator import index

@@ -57,6 +57,7 @@ _BEVEL_SEARCH = LIBRARY.layout(
     "BevelSearch",
     ("d", "wall_rows spot_rows above_rows below_rows half_px ahead_px"),
     ("d", "bright_share equal_share spot_sd_rows lit_share min_gain floor_grey"),
+    ("i", "apart_rows"),
 )
 _EDGE_SEARCH = LIBRARY.layout(
     "EdgeSearch",
@@ -172,9 +173,12 @@ class BevelSearch(NamedTuple):
     lit_share: float
     min_gain: float
     floor_grey: float
+    apart_rows: int
 
     def checked(self) -> bytes:
         """Return the limits for C."""
+        if not 1 <= self.apart_rows <= MAX_ROWS:
+            raise ValueError(f"bevel: expected 1 to {MAX_ROWS} rows apart, found {self.apart_rows}")
         near, far = self.ahead_px
         return pack(_BEVEL_SEARCH, *self[:5], near, far, *self[6:])
 

@@ -76,6 +76,7 @@ EXPORT const Entry entries[] = {
 #define F(field) FIELD(BevelSearch, field)
     SIZE(BevelSearch), F(wall_rows), F(spot_rows), F(above_rows), F(below_rows), F(half_px), F(ahead_px),
     F(bright_share), F(equal_share), F(spot_sd_rows), F(lit_share), F(min_gain), F(floor_grey),
+    F(apart_rows),
 #undef F
 #define F(field) FIELD(EdgeSearch, field)
     SIZE(EdgeSearch), F(start_px), F(along_px), F(end_x), F(margin_px), F(window_px), F(max_distance_px),

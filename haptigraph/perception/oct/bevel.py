@@ -37,8 +37,10 @@ class BevelConstants(NamedTuple):
     """Lateral, beyond it: tissue in full light."""
     lit_share: float = 0.75
     """Of the contrast of tissue in full light."""
-    min_gain: float = 80.0
-    """Of the variance that the end of the light explains, in variances of a row."""
+    min_gain_mm: float = 0.16
+    """Axial extent times the variance that the end of the light explains, in variances of the noise."""
+    apart_mm: float = 0.01
+    """So far apart, rows differ by noise that is independent, in scans of any resolution."""
 
 
 CONSTANTS = BevelConstants()
@@ -89,6 +91,7 @@ def _search(scan: ScanImage) -> native.BevelSearch:
         equal_share=CONSTANTS.equal_share,
         spot_sd_rows=CONSTANTS.spot_sd_mm / axial_mm,
         lit_share=CONSTANTS.lit_share,
-        min_gain=CONSTANTS.min_gain,
+        min_gain=CONSTANTS.min_gain_mm / axial_mm,
         floor_grey=scan.levels.dark_grey,
+        apart_rows=max(1, round(CONSTANTS.apart_mm / axial_mm)),
     )

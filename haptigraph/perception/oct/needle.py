@@ -13,7 +13,7 @@ import numpy as np
 
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, Mask
-from haptigraph.perception.native.bscan_needle import ShaftSearch, SurfacePair, find_shaft
+from haptigraph.perception.native.bscan_needle import RidgeLine, ShaftSearch, SurfacePair, find_shaft
 from haptigraph.perception.oct.bevel import Drop, drop_in_tissue, drop_in_vitreous
 from haptigraph.perception.oct.ridge import Ridge, ridge_search
 from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage
@@ -66,10 +66,18 @@ class NeedleConstants(NamedTuple):
     """Lateral; where the edge is less certain, a spot below the line may not be in the tip's column."""
     beyond_tip_mm: float = 0.035
     """The metal's brightness ends so far beyond the tip at most."""
+    beyond_spot_mm: float = 0.008
+    """The same of a bevel's point that is a spot of its own."""
+    spot_mm: float = 0.1
+    """From the gap that parts it from the shaft."""
+    gap_share: float = 0.67
+    """Brightness of that gap, of the spot's."""
     bright_share: float = 0.35
     """Of the typical contrast, for metal before the shadow's edge."""
     agreeing_sds: int = 4
     """Of the shadow's edge, by which the metal's end may move the tip."""
+    differing_sds: float = 1.25
+    """By which the shadow's edge may be further on below the surface than at it, without a vessel."""
     end_sd_mm: float = 0.03
     """Of the end of a ridge whose shadow falls on no tissue."""
 
@@ -153,15 +161,33 @@ def _with_tip(scan: ScanImage, shaft: Shaft, surfaces: Surfaces) -> Needle:
         may_continue = end.tip_px[1] > ilm_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm
         return end._replace(sd_px=None) if may_continue else end
     ilm_y, on_line = _crossing(surfaces, ridge, edge)
-    if on_line[1] < ilm_y and not _has_metal(shaft, edge):  # the shadow of a vessel may go on
-        shallow = find_shadow_edge(scan, ridge, end_x, surfaces, shallow=True)
-        if shallow is not None and _has_metal(shaft, shallow):
-            edge = shallow
+    shallow = find_shadow_edge(scan, ridge, end_x, surfaces, shallow=True)
+    if shallow is not None and _has_metal(shaft, shallow):
+        is_above = on_line[1] < ilm_y
+        if not is_above:
+            surface_y, at = _crossing(surfaces, ridge, shallow)
+            is_above = at[1] < surface_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm
+        if is_above:
+            edge = _beside_vessels(shaft, edge, shallow)
             ilm_y, on_line = _crossing(surfaces, ridge, edge)
     further_px = ridge.side * (edge.x_px - end_x)
     if on_line[1] < ilm_y and further_px * scan.scale.lateral_mm > CONSTANTS.bevel_mm:
         edge = edge._replace(sd_px=further_px / 2)  # the shadow of something else, or a shaft that fades
     return _at_edge(scan, shaft, edge, on_line, ilm_y)
+
+
+def _beside_vessels(shaft: Shaft, deep: Edge, shallow: Edge) -> Edge:
+    """Return the edge of the needle's shadow, from that at the surface and that below it.
+
+    The shadow of a vessel begins below the surface; there, the needle's may seem to go on.
+    """
+    if not _has_metal(shaft, deep):
+        return shallow
+    late_px = shaft.ridge.side * (deep.x_px - shallow.x_px)
+    if late_px > CONSTANTS.differing_sds * math.hypot(deep.sd_px, shallow.sd_px):
+        return shallow._replace(sd_px=max(shallow.sd_px, late_px / 4))
+    share = deep.sd_px**2 / (deep.sd_px**2 + shallow.sd_px**2)
+    return Edge(deep.x_px + share * (shallow.x_px - deep.x_px), shallow.sd_px * math.sqrt(share))
 
 
 def _crossing(surfaces: Surfaces, ridge: Ridge, edge: Edge) -> tuple[float, Vec]:
@@ -176,10 +202,10 @@ def _at_edge(scan: ScanImage, shaft: Shaft, edge: Edge, on_line: Vec, ilm_y: flo
     slope = abs(ridge.line.along_px[1] / (ridge.line.along_px[0] or 1e-9))
     if y < ilm_y:
         is_clear = y < ilm_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm
-        in_metal, at = _within_metal(shaft, edge) if is_clear else (edge, on_line)
+        in_metal, at, is_spot = _within_metal(shaft, edge) if is_clear else (edge, on_line, False)
         is_earlier = 0 < ridge.side * (x - at[0]) <= CONSTANTS.agreeing_sds * edge.sd_px
         drop = drop_in_vitreous(scan, at if is_earlier else on_line, ilm_y, shaft.typical_grey)
-        if edge.sd_px * scan.scale.lateral_mm > CONSTANTS.certain_mm:
+        if is_spot or edge.sd_px * scan.scale.lateral_mm > CONSTANTS.certain_mm:
             drop = Drop(0.0, max(drop.sd_rows, drop.rows / 2))
         if is_earlier or not drop.rows:
             edge, (x, y) = in_metal, at
@@ -190,8 +216,10 @@ def _at_edge(scan: ScanImage, shaft: Shaft, edge: Edge, on_line: Vec, ilm_y: flo
     return Needle(ridge, (x, y + drop.rows), sd_px, shaft.share)
 
 
-def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec]:
-    """Return an edge, and the tip on the shaft's line, where the metal's brightness allows both.
+def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec, bool]:
+    """Return an edge and the tip on the shaft's line, where the metal's brightness allows both.
+
+    Return, too, whether the tip is a spot of its own, so that another one below it is none.
 
     The tip is not beyond the end of the bright metal, and not much before it. What is bright where
     light passes is a floater. An edge far beyond the metal is that of another shadow.
@@ -200,17 +228,20 @@ def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec]:
     at, column_px = ridge.steps_at_column(edge.x_px), abs(ridge.line.along_px[0]) * ridge.step_px
     end = _last_bright(shaft, at)
     if end < 0:
-        return edge, ridge.at_px(at)
+        return edge, ridge.at_px(at), False
     run = max(end - round(CONSTANTS.near_mm / STEP_MM), 0)
     half_grey = float(contrast[run : end + 1].max()) / 2
     while end + 1 < len(contrast) and contrast[end + 1] > half_grey:
         end += 1
-    beyond = CONSTANTS.beyond_tip_mm / STEP_MM
+    is_spot = _is_spot(ridge.line, run + int(contrast[run : end + 1].argmax()))
+    beyond = (CONSTANTS.beyond_spot_mm if is_spot else CONSTANTS.beyond_tip_mm) / STEP_MM
     inside = min(max(at, end - beyond), end)
     moved_px = abs(inside - at) * column_px
-    if moved_px > CONSTANTS.agreeing_sds * edge.sd_px:  # they disagree
+    differs = moved_px > CONSTANTS.agreeing_sds * edge.sd_px
+    if differs:
         inside = at if at < inside else end - beyond / 2
-    return edge._replace(sd_px=max(edge.sd_px, moved_px / 2)), ridge.at_px(inside)
+    edge = edge._replace(sd_px=max(edge.sd_px, moved_px / 2))
+    return edge, ridge.at_px(inside), is_spot and not differs
 
 
 def _last_bright(shaft: Shaft, at_steps: float) -> int:
@@ -218,6 +249,14 @@ def _last_bright(shaft: Shaft, at_steps: float) -> int:
     stop = max(round(at_steps + CONSTANTS.near_mm / STEP_MM) + 1, 0)
     back = shaft.ridge.line.contrast_grey[:stop][::-1] > CONSTANTS.bright_share * shaft.typical_grey
     return len(back) - 1 - int(back.argmax()) if back.any() else -1
+
+
+def _is_spot(line: RidgeLine, peak: int) -> bool:
+    """Return whether a dark gap parts the brightest place of the metal's end from the shaft."""
+    before = slice(max(peak - round(CONSTANTS.spot_mm / STEP_MM), 0), peak + 1)
+    contrast_grey, beside_grey = line.contrast_grey[before], line.brighter_grey[before]
+    above_grey = contrast_grey + np.maximum(beside_grey - beside_grey[-1], 0)  # a floater is no gap
+    return bool(above_grey.min() < CONSTANTS.gap_share * contrast_grey[-1])
 
 
 def _has_metal(shaft: Shaft, edge: Edge) -> bool:

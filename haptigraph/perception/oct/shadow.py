@@ -3,11 +3,12 @@
 Turns an image (px), a shaft and the surfaces into the column in which a dark profile first rises.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 from haptigraph.perception.native.bscan_needle import EdgeSearch, SurfacePair, shadow_edge
 from haptigraph.perception.oct.ridge import Ridge
-from haptigraph.perception.oct.scan_image import ScanImage
+from haptigraph.perception.oct.scan_image import ScanImage, ScanScale
 from haptigraph.perception.oct.surfaces import Surfaces
 
 __all__ = ["Edge", "ShadowConstants", "find_shadow_edge"]
@@ -47,7 +48,9 @@ class ShadowConstants(NamedTuple):
     rise_share: float = 0.8
     sd_mm: float = 0.0032
     """Smallest standard deviation of the edge."""
-    sd_share: float = 0.26
+    shallow_sd_mm: float = 0.006
+    """The same above vessels."""
+    sd_share: float = 0.25
     """Of the edge's width, which adds to it."""
 
 
@@ -73,11 +76,27 @@ def find_shadow_edge(
         surfaces: ILM and RPE.
         shallow: Use only tissue at the surface, which the shadow of a vessel does not reach.
     """
-    lateral_mm, axial_mm = scan.scale
-    search = EdgeSearch(
-        start_px=ridge.line.start_px,
-        along_px=ridge.line.along_px,
-        end_px=end_px,
+    lateral_mm = scan.scale.lateral_mm
+    search = _limits(scan.scale, scan.column_px, shallow)._replace(
+        start_px=ridge.line.start_px, along_px=ridge.line.along_px, end_px=end_px
+    )
+    found = shadow_edge(scan.image, search, SurfacePair(*surfaces[:5]))
+    if found is None:
+        return None
+    x_px, width_px = found
+    least_mm = CONSTANTS.shallow_sd_mm if shallow else CONSTANTS.sd_mm
+    sd_mm = max(least_mm, CONSTANTS.sd_share * width_px * lateral_mm - CONSTANTS.sd_mm)
+    return Edge(x_px, sd_mm / lateral_mm)
+
+
+@lru_cache
+def _limits(scale: ScanScale, column_px: int, shallow: bool) -> EdgeSearch:
+    """Return the limits of the search below a shaft that is still to be set."""
+    lateral_mm, axial_mm = scale
+    return EdgeSearch(
+        start_px=(0.0, 0.0),
+        along_px=(0.0, 0.0),
+        end_px=0.0,
         margin_px=CONSTANTS.margin_mm / lateral_mm,
         window_px=CONSTANTS.window_mm / lateral_mm,
         max_distance_px=CONSTANTS.max_distance_mm / lateral_mm,
@@ -90,13 +109,7 @@ def find_shadow_edge(
         min_contrast_grey=CONSTANTS.min_contrast_grey,
         halved_grey=CONSTANTS.halved_grey,
         rise_share=CONSTANTS.rise_share,
-        slope_columns=max(3, round(CONSTANTS.slope_mm / lateral_mm / scan.column_px)),
+        slope_columns=max(3, round(CONSTANTS.slope_mm / lateral_mm / column_px)),
         run=max(3, round(CONSTANTS.run_mm / lateral_mm)),
         half=max(1, round(CONSTANTS.smooth_mm / lateral_mm / 2)),
     )
-    found = shadow_edge(scan.image, search, SurfacePair(*surfaces[:5]))
-    if found is None:
-        return None
-    x_px, width_px = found
-    sd_mm = max(CONSTANTS.sd_mm, CONSTANTS.sd_share * width_px * lateral_mm - CONSTANTS.sd_mm)
-    return Edge(x_px, sd_mm / lateral_mm)

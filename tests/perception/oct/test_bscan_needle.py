@@ -114,6 +114,11 @@ def test_above_the_retina_the_tip_is_exact_and_the_line_runs_along_the_shaft(sco
         pytest.param(30, 3, {"place": "above"}, id="bright tissue behind a soft edge"),
         pytest.param(30, 3033, {"bevel_px": 45.0, "gap_db": 20.0}, id="a small spot after a long gap"),
         pytest.param(54, 1033, {"signal_db": -6.0}, id="noise"),
+        pytest.param(18, 7023, {"vessels": 8, "vessel_db": 14.0}, id="a vessel at the shadow's edge"),
+        pytest.param(49, 9023, {"vessels": 8, "vessel_db": 14.0}, id="another vessel at the shadow's edge"),
+        pytest.param(24, 7023, {"vessels": 8, "vessel_db": 14.0}, id="a gap before the bevel's point"),
+        pytest.param(24, 33033, {"bevel_px": 45.0, "gap_db": 20.0}, id="a floater beside the shaft"),
+        pytest.param(6, 47023, {"tilt_deg": 12.0}, id="a floater below the bevel's point"),
     ],
 )
 def test_above_the_retina_the_tip_is_exact_beside(number, seed, fixed):
@@ -204,8 +209,8 @@ def test_a_scan_of_another_resolution_has_the_same_lengths(factor):
         changes += [abs(new / old - 1) for old, new in zip(lengths_of(one), lengths_of(other), strict=True)]
         tips_mm.append(math.dist(one["needle_tip"].at_mm, other["needle_tip"].at_mm))
     assert len(tips_mm) >= 18
-    assert np.percentile(changes, 90) <= 0.05
-    assert np.percentile(tips_mm, 90) <= 0.012
+    assert np.percentile(changes, 95) <= 0.05
+    assert np.percentile(tips_mm, 95) <= 0.012
 
 
 @pytest.mark.parametrize("scenes", [4, pytest.param(30, marks=pytest.mark.slow)])

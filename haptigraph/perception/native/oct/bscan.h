@@ -94,6 +94,7 @@ typedef struct {
         below_rows;              /* far wall; spot on the line; searched beyond both */
     double half_px, ahead_px[2]; /* of the tip's column, and tissue in full light */
     double bright_share, equal_share, spot_sd_rows, lit_share, min_gain, floor_grey;
+    int apart_rows; /* whose noise is independent; positive */
 } BevelSearch;
 
 /* A shaft, and limits of the search for the edge of its shadow; lengths in columns, or in rows if named so.
@@ -144,6 +145,14 @@ static inline double between(const double *x, const double *values, int count, d
    brighter side, (MAX_RIDGES, room). Return how many; -1 without memory. */
 int find_ridges(const uint8_t *image, int width, int height, const Grid *grid, const RidgeSearch *search,
                 const int32_t *limit_row, int room, RidgeLine *lines, float *contrast, float *brighter);
+
+/* Smooth the rows of a surface over its visible columns, in place, and write their standard deviations: the
+   scatter about the result, with the least one. `scratch` has two values per column. */
+void smooth_rows(double *rows, const uint8_t *visible, int columns, const Smoothing *smoothing,
+                 double *scratch, double *sd);
+
+/* Take runs of less than so many columns out of a mask, as in bscan_smoothing.c. */
+EXPORT void remove_specks(uint8_t *mask, int columns, int least);
 
 /* How surfaces are reported. */
 typedef struct {

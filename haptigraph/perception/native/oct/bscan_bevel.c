@@ -94,12 +94,12 @@ EXPORT void drop_in_vitreous(const uint8_t *image, int width, int height, const 
     drop_of(search, has_upper, upper_end, upper_grey, has_lower ? &lower : NULL, drop);
 }
 
-/* Return the variance of the steps of a profile. */
-static double variance_of_steps(const double *values, int count) {
-    const double mean = (values[count - 1] - values[0]) / (count - 1);
+/* Return the variance of the steps of a profile between rows so far apart. */
+static double variance_of_steps(const double *values, int count, int apart) {
+    const double mean = (values[count - 1] - values[0]) / (count - 1) * apart;
     double sum = 0;
-    for (int at = 1; at < count; at++) sum += square(values[at] - values[at - 1] - mean);
-    return sum / (count - 1);
+    for (int at = apart; at < count; at++) sum += square(values[at] - values[at - apart] - mean);
+    return sum / (count - apart);
 }
 
 /* Write the columns from one end to the other of a span beside the tip; return whether the image has them. */
@@ -120,7 +120,7 @@ EXPORT void drop_in_tissue(const uint8_t *image, int width, int height, const Be
     const int count = clamped(nearbyint(y + (search->wall_rows + search->below_rows)), 0, height) - top;
     const double *ahead = search->ahead_px, half = search->half_px;
     int left, right, left_ahead, right_ahead;
-    if (count < 12 || count > MAX_COLUMN_ROWS ||
+    if (count < 12 || count <= 2 * search->apart_rows || count > MAX_COLUMN_ROWS ||
         !span_of(x, -side * half, side * half, width, &left, &right) ||
         !span_of(x, side * ahead[0], side * ahead[1], width, &left_ahead, &right_ahead))
         return;
@@ -142,7 +142,8 @@ EXPORT void drop_in_tissue(const uint8_t *image, int width, int height, const Be
     for (int row = 0; row <= end; row++) lit += full[row] / (end + 1);
     const double rows = top + end + 0.5 - y;
     if (!(upper < (1 - search->lit_share) * (lit - search->floor_grey))) return;
-    if (!(most > search->min_gain * variance_of_steps(loss, count) / 2 && rows > search->spot_rows)) return;
+    const double noise = variance_of_steps(loss, count, search->apart_rows) / 2;
+    if (!(most > search->min_gain * noise && rows > search->spot_rows)) return;
     drop[0] = rows;
     drop[1] = rows / 3;
 }

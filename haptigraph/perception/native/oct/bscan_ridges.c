@@ -10,7 +10,7 @@
 #define STRIP_LANES (2 * FLANK_STEPS + 1)
 #define TURN 0.0131 /* tangent of half the angle between two directions, 1.5 degrees */
 #define MAX_DIRECTIONS 120
-#define TURNS 3  /* of the coarse strip of a line, until it lies along the ridge */
+#define TURNS 3  /* of the strip of a line, until it lies along the ridge and holds its end */
 #define FITS 2   /* lines that are refined before the search ends without a ridge */
 #define BESIDE 2 /* directions, and cells, in which a weaker line counts as the same */
 #define FLANK_START 7
@@ -277,9 +277,11 @@ static int refine(const Picture *picture, const RidgeSearch *search, int longest
         const int last = fit_ridge(samples, search, every == 1 ? 3 : 1, on_ridge, middle, fit);
         if (last < 0) return 0;
         const double moved = maximum(fabs(fit[0]), fabs(fit[0] + fit[1] * last));
+        const int seen = samples->stations * every;
+        const int is_cut = seen + every <= length && last + search->beyond / 2 > seen;
         longest = last + search->beyond;
-        if (every == 1 || moved <= CORE_STEPS / 2.0 || ++turns == TURNS)
-            every -= 2; /* else the strip may have lost the ridge at its far end */
+        if ((!is_cut && (every == 1 || moved <= CORE_STEPS / 2.0)) || ++turns >= TURNS)
+            every -= 2; /* else the strip may have lost the ridge at its far end, or ended with it */
         const double x = line->start_px[0] - fit[0] * search->step_px * along.dy;
         const double y = line->start_px[1] + fit[0] * search->step_px * along.dx;
         const double length_of_turn = sqrt(1 + fit[1] * fit[1]);

@@ -5,7 +5,7 @@
 #include "oct/bscan.h"
 
 #define UPPER_SHARE 0.85 /* the edge's width is counted between these shares of its contrast */
-#define LOWER_SHARE 0.35
+#define LOWER_SHARE 0.25
 #define MIN_COLUMNS 8
 
 /* One surface by column. */

@@ -226,37 +226,6 @@ static int find_rpe(const Grid *grid, const SurfaceSearch *search, const int32_t
     return found;
 }
 
-/* Return the mean of values over the visible columns of a window; that of the column itself weighs little. */
-static double window_mean(const double *values, const uint8_t *visible, int columns, const double *window,
-                          int reach, int column) {
-    const int first = column < reach ? 0 : column - reach;
-    const int last = column + reach < columns ? column + reach : columns - 1;
-    double total = 1e-6, sum = 1e-6 * values[column];
-    for (int other = first; other <= last; other++)
-        if (visible[other]) {
-            total += window[other - column + reach];
-            sum += window[other - column + reach] * values[other];
-        }
-    return sum / total;
-}
-
-/* Smooth the rows of a surface over its visible columns, in place, and write their standard deviations: the
-   scatter about the result, with the least one. `scratch` has two values per column. */
-static void smooth_rows(double *rows, const uint8_t *visible, int columns, const Smoothing *smoothing,
-                        double *scratch, double *sd) {
-    double *smooth = scratch, *misses = scratch + columns;
-    for (int column = 0; column < columns; column++) {
-        smooth[column] = window_mean(rows, visible, columns, smoothing->window, smoothing->reach, column);
-        misses[column] = square(rows[column] - smooth[column]);
-    }
-    for (int column = 0; column < columns; column++) {
-        const double variance =
-            window_mean(misses, visible, columns, smoothing->window, smoothing->reach, column);
-        sd[column] = sqrt(square(smoothing->least_sd_rows) + square(smoothing->scatter_share) * variance);
-        rows[column] = smooth[column];
-    }
-}
-
 /* Return a quantile of the values of some columns, of all if `of` is NULL; 0 for none. */
 static float quantile(const float *values, const uint8_t *of, int columns, double share, float *ordered) {
     int count = 0;
@@ -264,17 +233,6 @@ static float quantile(const float *values, const uint8_t *of, int columns, doubl
         if (!of || of[column]) ordered[count++] = values[column];
     qsort(ordered, (size_t)count, sizeof *ordered, compare_floats);
     return count ? ordered[(int)(share * (count - 1))] : 0;
-}
-
-/* Take runs of less than so many columns out of a mask; one at its border may go on beyond it. */
-EXPORT void remove_specks(uint8_t *mask, int columns, int least) {
-    for (int column = 0, start = 0; column <= columns; column++) {
-        if (column < columns && mask[column]) continue;
-        const int is_cut = start == 0 || column == columns, enough = is_cut ? (least + 1) / 2 : least;
-        if (column - start < enough)
-            for (int other = start; other < column; other++) mask[other] = 0;
-        start = column + 1;
-    }
 }
 
 /* Find both surfaces.
@@ -311,6 +269,7 @@ VECTORS EXPORT int find_surfaces(const Grid *grid, const SurfaceSearch *search, 
     smooth_rows(rpe, is_band, columns, &search->rpe, scratch, rows + 3 * count);
     remove_specks(is_band, columns, search->min_columns);
     for (int column = 0; column < columns; column++) is_tissue[column] &= ilm[column] >= search->border_rows;
+    remove_specks(is_tissue, columns, search->min_columns);
     free(scratch);
     return found;
 }
