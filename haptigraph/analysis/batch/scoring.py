@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from haptigraph.analysis.archive.about import state_of
 from haptigraph.analysis.evaluation.evaluation import spread
 from haptigraph.analysis.evaluation.report import Report, report_text
 from haptigraph.analysis.metrics.replay import (
@@ -38,6 +39,7 @@ def report_recording(reader: RunReader, procedure: Procedure, progress: Progress
     scores = {
         "recording": str(reader.path),
         "perceiver": perceiver,
+        **({"recording_state": state} if (state := state_of(reader)) != "complete" else {}),
         **({"note": own_note(reader, perceiver)} if is_own(perceiver) else {}),
         "scored_images": scores.pop("images"),
         **scores,

@@ -102,8 +102,8 @@ def _notes(reader: RunReader, name: str) -> list[str]:
     """Return warnings about a recording that can be read."""
     if reader.is_being_written:
         return ["This run is still being recorded; the page shows what has been written so far."]
-    if reader.losses is not None:
-        return [f"This recording was recovered; {losses_sentence(reader.losses)}."]
+    lost = losses_sentence(reader.losses) if reader.losses else ""
     if not reader.is_whole:
-        return [f"The recording was interrupted; repair it with `haptigraph recover {name}`."]
-    return []
+        cause = f"This recording is incomplete: {lost}" if lost else "The recording was interrupted"
+        return [f"{cause}; repair it with `haptigraph recover {name}`."]
+    return [f"This recording was recovered; {lost}."] if lost else []
