@@ -48,7 +48,9 @@ class RuleEngine:
         }
         self._rules = [self._compile(state) for state in procedure.states]
         self._states = [(state, tuple(Triplet(*names) for names in state.when)) for state in procedure.states]
-        self._with_margin = {state.name: _measures_with_margin(procedure, state) for state in procedure.states}
+        self._with_margin = {
+            state.name: _measures_with_margin(procedure, state) for state in procedure.states
+        }
         self._cache: dict[Scene, int] = {}
         self._last: tuple[Scene | None, int] = None, 0
         followed = {

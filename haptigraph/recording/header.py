@@ -20,8 +20,8 @@ __all__ = [
     "header_record",
     "is_header",
     "is_losses",
-    "losses_record",
     "losses_at_end",
+    "losses_record",
     "losses_sentence",
     "read_header",
     "read_losses",
@@ -71,7 +71,9 @@ def losses_sentence(losses: Losses) -> str:
 
 def failure_losses(reason: str, steps: int) -> Losses:
     """Return the losses of a recording whose recorder failed after some steps."""
-    return Losses("", "", failure=f"the recorder failed after step {steps - 1} ({reason}); later steps are lost")
+    return Losses(
+        "", "", failure=f"the recorder failed after step {steps - 1} ({reason}); later steps are lost"
+    )
 
 
 def is_header(record: object) -> bool:
@@ -131,7 +133,10 @@ def losses_at_end(path: Path) -> Losses | None:
         tail = file.read()
     for at in range(len(tail)):
         start = at + 9  # behind opcode and length
-        is_last = tail[at] == Opcode.METADATA and int.from_bytes(tail[at + 1 : start], "little") == len(tail) - start
+        is_last = (
+            tail[at] == Opcode.METADATA
+            and int.from_bytes(tail[at + 1 : start], "little") == len(tail) - start
+        )
         if is_last:
             with suppress(*DAMAGE):
                 (record,) = parse_record(Opcode.METADATA, tail[start:])

@@ -99,7 +99,9 @@ class Recorder:
 
     def _fail(self, error: Exception) -> None:
         self._failed.set()
-        reason = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
+        reason = f"{type(error).__name__}: {error}"
+        if isinstance(error, OSError) and error.strerror:
+            reason = error.strerror
         self._writer.abandon("" if isinstance(error, FileChanged) else reason)
         result = f"incomplete ({reason}); later steps are lost, earlier ones can be recovered"
         if self._writer.is_complete:

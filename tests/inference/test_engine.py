@@ -258,7 +258,11 @@ def test_a_standard_deviation_that_is_unknown_is_named():
     }
     build, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(procedure)
     because = reason(build(Observation(0, found))).because
-    assert because.startswith("the tip may touch the retina away from the target: it is 8.00 mm from the retina")
-    assert because.endswith("it cannot be excluded: the standard deviation of distance_to_retina_mm, radial_mm is unknown")
+    assert because.startswith(
+        "the tip may touch the retina away from the target: it is 8.00 mm from the retina"
+    )
+    assert because.endswith(
+        "it cannot be excluded: the standard deviation of distance_to_retina_mm, radial_mm is unknown"
+    )
     known = reason(build(Observation(1, found, certainty=Certainty(1.0, 0.05, 0.1))))
     assert "unknown" not in known.because

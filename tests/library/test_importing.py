@@ -50,7 +50,7 @@ def test_a_class_of_ones_own_is_a_module_and_a_name_with_a_capital(name, parts):
     [
         (
             "nowhere:Mine",
-            "Python finds no module 'nowhere'; install it, or start `python -m haptigraph` in its",
+            "Python finds no module 'nowhere'; install it, name its folder in PYTHONPATH, or start `python -m",
         ),
         ("own_parts.inner:Mine", "Python finds no module 'own_parts.inner'"),
         (
@@ -117,7 +117,7 @@ def test_a_replay_without_the_module_is_one_sentence(recording):
     assert done.exit_code == 2
     assert done.output == (
         f"haptigraph: {recording}: cannot be replayed without the perceiver of its run: perceiver mine:Perceiver: "
-        "Python finds no module 'mine'; install it, or start `python -m haptigraph` in its folder; perceivers that "
+        "Python finds no module 'mine'; install it, name its folder in PYTHONPATH, or start `python -m haptigraph` in its folder; perceivers that "
         "ship: bscan, forceps, segmentation, threshold, tracker, volume\n"
     )
     with pytest.raises(BadInput, match="cannot be replayed without the perceiver of its run"):

@@ -81,6 +81,15 @@ def test_changes_are_counted_in_every_window(parts):
     assert result.broken == sum(one and not before for before, one in zip([False, *over], over, strict=False))
 
 
+def test_a_run_that_begins_in_silence_has_lost_nothing():
+    silent = Temporal("silent", absent=(TIP,), feels=("off",), within_ms=50)
+    empty = SceneGraph(0, (), ())
+    first = replace(step(0, False, False, commanded_ms=400), graph=empty)
+    assert not Monitor(silent).add(first)
+    late = replace(step(0, False, True, commanded_ms=400), graph=replace(step(0, True, True).graph))
+    assert Monitor(SOON).add(late)  # an alarm is not felt before it is commanded
+
+
 def test_there_is_a_line_per_claim():
     broken = watch(SOON, step(1000, False, False), step(1033, True, True, commanded_ms=1100)).result
     assert claim_lines([broken, watch(CALM).result], 1000 * MS) == [
