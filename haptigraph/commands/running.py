@@ -42,7 +42,8 @@ def run(config: str | None, realtime: bool | None, **given: object) -> None:
     video, a DICOM file, a folder of images or a recording; `haptigraph sources` lists them all. Without one,
     and as `phantom`, it is the simulated operator of the scenario align_then_approach. Options of a source
     are settings: --set source.rate_hz=60. Cameras and the phantom run in real time, files as fast as
-    possible unless a device vibrates or a page shows them. Ctrl-C ends the run and prints its summary.
+    possible unless a device vibrates or a page shows them. If the machine is too slow, the phantom and files
+    play slower than real time; the summary says so. Ctrl-C ends the run and prints its summary.
     """
     from haptigraph.config import load_config
 

@@ -22,6 +22,7 @@ from haptigraph.perception.eye_view import view_of
 from haptigraph.recording.header import losses_sentence
 from haptigraph.recording.reader import RunReader, StepLocation
 from haptigraph.registration.assumed import assumed_text
+from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.registered import BaseRegistration
 
@@ -52,9 +53,15 @@ def read_run(name: str) -> None:
         "image_from_eye_px": at_px,
         "run": {**msgspec.to_builtins(reader.info), "config": "", "registration": "", "procedure": ""},
         "measures": measures_json(measures, timeline.start_ns),
+        "has_truth": isinstance(registration, Registration) and _has_truth(reader),
         "notes": [*_notes(reader, name), *_assumed_notes(registration)],
     }
     send_message({"type": "timeline", **content, **more}, data)
+
+
+def _has_truth(reader: RunReader) -> bool:
+    capture, _ = next(reader.records(images=()))
+    return capture.truth is not None
 
 
 def measure_outcomes(*names: str) -> None:
