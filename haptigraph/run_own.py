@@ -97,7 +97,8 @@ class OwnPerceiver:
         frames = traceback.extract_tb(error.__traceback__)
         frame = next((each for each in reversed(frames) if each.filename == self._file), frames[-1])
         raised = f"{type(error).__name__}: {error} ({Path(frame.filename).name}, line {frame.lineno})"
-        return f"{self._name} raised {raised}; `python -X dev -m haptigraph` prints the traceback"
+        name = self._name.removeprefix("perceiver ")
+        return f"{name} raised {raised}; `python -X dev -m haptigraph` prints the traceback"
 
 
 class OwnSource(SourceWrapper):

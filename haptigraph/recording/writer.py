@@ -166,7 +166,7 @@ class RunWriter:
         """Close the file as it is, for instance after a disk error; `recover` can repair it.
 
         Args:
-            reason: Why later steps are lost, for the file; on a full disk it takes the place of the last step.
+            reason: Why later steps are lost; on a full disk it takes the place of the last step.
         """
         self._close_video()
         for steps in (self.steps, self.steps - 1) if reason else ():

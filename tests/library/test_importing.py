@@ -243,7 +243,7 @@ def test_what_a_perceiver_raises_is_named_with_its_line(quick_uri, capfd, monkey
     done = call("run", quick_uri, "--fast", "--set", "perception.perceiver=own_parts:RaisingPerceiver")
     assert done.exit_code == 2
     sentence = (
-        "perceiver own_parts:RaisingPerceiver raised LinAlgError: Singular matrix (own_parts.py, line "
+        "own_parts:RaisingPerceiver raised LinAlgError: Singular matrix (own_parts.py, line "
         f"{line}); `python -X dev -m haptigraph` prints the traceback"
     )
     assert f"haptigraph: perception failed on 3 images in a row: {sentence}\n" in done.output
