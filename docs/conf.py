@@ -135,7 +135,14 @@ def _default(field: msgspec.structs.FieldInfo) -> str:
     )
 
 
+def _leave_out_of_search(app: Sphinx, _doctree: Any) -> None:
+    """Leave decisions out: they would rank above the pages that say how something is done."""
+    if app.env.docname.startswith("decisions/0"):
+        app.env.metadata[app.env.docname]["no-search"] = "yes"
+
+
 def setup(app: Sphinx) -> None:
-    """Shorten signatures; a colon in a field's docstring ends no type."""
+    """Shorten signatures; a colon in a field's docstring ends no type; search finds no decisions."""
+    app.connect("doctree-read", _leave_out_of_search)
     app.connect("autodoc-process-signature", _shorten_signature)
     GoogleDocstring._parse_attribute_docstring = GoogleDocstring._consume_to_end  # noqa: SLF001 - no setting

@@ -80,7 +80,11 @@ class MissingExtra(HaptigraphError):
     """A feature needs a library that the core installation does not include."""
 
     def __init__(self, feature: str, extra: str) -> None:
+        self.feature, self.extra = feature, extra
         super().__init__(f"{feature} needs an extra; install it with: pip install 'haptigraph[{extra}]'")
+
+    def __reduce__(self) -> tuple[type["MissingExtra"], tuple[str, str]]:
+        return MissingExtra, (self.feature, self.extra)  # a worker sends it to the program
 
 
 class NotCompiled(HaptigraphError):

@@ -43,7 +43,7 @@ UNITLESS = {
     "resolution", "vignetting", "exposure", "shadow", "brightness", "highlight", "texture", "bowl_shade", "motion_scale", "loss",
     "max_amplitude", "contrast", "a", "b", "x", "y", "r", "g", "most", "wanted", "diameter", "thickness",
     "font_size", "theta_integral", "offset_grey", "mm_per_px", "px_per_mm", "left", "top", "right", "bottom",
-    "low", "high", "rim_ratio", "reach_ratio", "support_ratio", "half_width", "radius", "inner", "scale",
+    "low", "high", "rim_ratio", "reach_ratio", "support_ratio", "half_width", "radius", "inner", "scale", "scale_sd",
     "lag_images", "mm_s", "deg_s", "flicker", "confidence", "slope", "share", "share_sd", "scatter", "one_tone",
     "least", "way", "given_alpha",
     "curve", "dead_band", "statistic", "p", "z", "holm_p", "effect", "mean_difference", "strength", "absolute_threshold",

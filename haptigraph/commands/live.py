@@ -20,6 +20,7 @@ __all__ = ["live"]
         "haptigraph live clip.mp4 --registration eye.toml",
         "haptigraph live camera:0 --registration eye.toml --record run.mcap",
         "haptigraph live --host 0.0.0.0",
+        "haptigraph live --recordings runs",
         "haptigraph live --practice my-scores.csv",
         "haptigraph live --leader gamepad:0",
         "haptigraph live --force inverse3 --procedure subretinal_injection_force",
@@ -30,9 +31,7 @@ __all__ = ["live"]
 @page_options
 @click.option("--browser/--no-browser", default=True, help="Open the page, if this machine has a display.")
 @click.option("--practice", metavar="FILE", help="Score every run, from entry to hit, into a CSV file.")
-@click.option(
-    "--recordings", metavar="FOLDER", default=".", help="Recordings to browse; default: the current folder."
-)
+@click.option("--recordings", metavar="FOLDER", help="Recordings to browse; default: the current folder.")
 @click.option(
     "--steer", is_flag=True, help="Steer --robot from the page; only from a browser on this machine."
 )
@@ -44,7 +43,7 @@ def live(
     token: str | None,
     browser: bool,
     practice: str | None,
-    recordings: str,
+    recordings: str | None,
     steer: bool,
     home: bool,
     allow_remote_motion: bool,
@@ -53,7 +52,8 @@ def live(
 ) -> None:
     """Run the loop on SOURCE in real time, and show it on a page in the browser.
 
-    SOURCE is what `run` takes; without one, you steer a simulated needle from the page. Scenarios repeat.
+    SOURCE is what `run` takes; without one, you steer a simulated needle from the page. Scenarios repeat. To
+    look at recordings, give --recordings alone: the address of their page is printed.
     If SOURCE needs a registration and none is given, the page lets you create one first.
     The page is served to this machine only. With another --host two addresses are printed, to steer and to
     watch.
@@ -71,8 +71,9 @@ def live(
     from haptigraph.dashboard.server.server import listen
     from haptigraph.errors import BadInput
 
-    if not Path(recordings).is_dir():
-        raise BadInput("is no folder; --recordings names the folder of recordings to browse", recordings)
+    folder = Path(recordings or ".")
+    if not folder.is_dir():
+        raise BadInput("is no folder; --recordings names the folder of recordings to browse", folder)
     settings = run_settings(given, realtime=True)
     begin = () if config else ("source.uri=teleop",)
     settled = load_config(config, (*begin, *settings))
@@ -91,11 +92,16 @@ def live(
             listener=listener,
             host=host,
             tokens=tokens,
-            recordings=Path(recordings),
+            recordings=folder,
             allows_remote_motion=allow_remote_motion,
             homes=home,
         )
         page = page_of(settled)
+        if recordings and not (config or given["source"]):
+            print_status(
+                f"haptigraph: the recordings are at {page.recordings_address}; "
+                "the page Live has a simulated eye, which may wait"
+            )
         try:
             run_loop(settled, page, opens_browser=browser, practice=practice)
             return

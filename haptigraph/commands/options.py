@@ -141,7 +141,11 @@ def run_options(command: Command) -> Command:
             "--robot", metavar="ROBOT", help="Read a robot, e.g. crtk:PSM1; only live --steer moves it."
         ),
         click.option("--robot-setup", metavar="FILE", help="Where the robot is (robot.toml)."),
-        click.option("--record", metavar="FILE", help="Record the run to a new MCAP file."),
+        click.option(
+            "--record",
+            metavar="FILE",
+            help="Record the run to a new MCAP file; 1280 x 720 at 30 images/s takes about 4 MB a second.",
+        ),
         config_option,
         set_option,
     )

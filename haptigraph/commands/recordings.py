@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["recover", "replay"]
 
 MAX_PLACES = 10
+ROUNDING = 1e-4  # mm or degrees; what is less comes of another processor or library
 
 
 @click.command(
@@ -32,7 +33,8 @@ MAX_PLACES = 10
 def replay(recording: str, procedure: str | None) -> None:
     """Replay RECORDING and compare every step, or show what another procedure would have done.
 
-    Without --procedure, exit with code 1 if steps differ. With it, they may: both outcomes are shown.
+    Without --procedure, exit with code 1 if steps differ, be it in the last digits of numbers. With it, they
+    may: both outcomes are shown.
     `haptigraph explain RECORDING` says what a recording is, without a replay.
     """
     from haptigraph.analysis.metrics.comparison import comparison
@@ -45,21 +47,8 @@ def replay(recording: str, procedure: str | None) -> None:
     for line in (*_caveats(report), _robot_line(recording)):
         if line:
             click.echo(line)
-    click.echo(f"{report.identical} of {report.steps} steps identical")
-    click.echo(
-        f"states differ in {report.states_differ} of {report.steps} steps, "
-        f"haptic output in {report.haptics_differ}"
-    )
-    if report.first_state is not None:
-        other = report.first_state
-        click.echo(
-            f"first other state: step {other.step} at {other.time_s:.2f} s, "
-            f"{other.replayed} instead of {other.recorded}"
-        )
-    if report.first is not None:
-        first = report.first
-        click.echo(f"first difference: step {first.step} at {first.time_s:.2f} s, {first.message}")
-        click.echo(f"  recorded  {first.recorded}\n  replayed  {first.replayed}")
+    for line in _difference_lines(report):
+        click.echo(line)
     for line in assumed_lines(report.assumed):
         click.echo(line)
     for line in claim_lines(report.recorded.claims, report.recorded.first_ns) if not procedure else ():
@@ -70,19 +59,51 @@ def replay(recording: str, procedure: str | None) -> None:
         sys.exit(1)
 
 
+def _difference_lines(report: "ReplayReport") -> list[str]:
+    """Return how two runs differ: first in what the hand feels and why, then in any number."""
+    identical = f"{report.identical} of {report.steps} steps identical"
+    if report.first is None:
+        return [identical]
+    lines = [
+        f"{what} {verb} for {other.lasts_s:.2f} s in {other.steps} of {report.steps} steps, first at "
+        f"{other.first_s:.2f} s (step {other.first_step}): {other.replayed} instead of {other.recorded}"
+        if other.steps
+        else f"{what} {verb} in no step"
+        for what, verb, other in (
+            ("states", "differ", report.states),
+            ("haptic output", "differs", report.haptics),
+        )
+    ]
+    first = report.first
+    where = f"step {first.step} at {first.time_s:.2f} s, {first.message}"
+    by = report.difference
+    if by is not None and by <= ROUNDING and not report.states.steps + report.haptics.steps:
+        return [
+            *lines,
+            f"{identical}; in the others numbers differ in their last digits, by at most {by:.1g}: states "
+            "and haptic output are the same (documentation: Recordings, Exactness)",
+            f"first difference: {where}",
+        ]
+    return [
+        *lines,
+        f"{identical}; the others differ at least in a relation or a number",
+        f"first difference: {where}",
+        f"  recorded  {first.recorded}\n  replayed  {first.replayed}",
+    ]
+
+
 def _page_lines(recording: Path, procedure: str, report: "ReplayReport") -> str:
     """Return how to see the comparison on the recordings page."""
     from haptigraph.analysis.metrics.page_address import moment_address, page_command, page_procedure
 
     folder = recording.parent
     known = page_procedure(procedure, folder)
-    step = report.first_state.step if report.first_state else None
     lines = [
         f"on a page: {page_command(folder)}",
-        moment_address(recording.name, step=step, procedure=known),
+        moment_address(recording.name, step=report.states.first_step, procedure=known),
     ]
     if not known:
-        lines.append(f"copy {Path(procedure).name} into {folder}, so that the page can compare with it")
+        lines.append(f"copy {Path(procedure).name} into {folder} and replay again: then the address compares")
     return "\n".join(lines)
 
 

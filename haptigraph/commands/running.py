@@ -34,7 +34,9 @@ __all__ = ["demo", "run", "run_loop"]
     )
 )
 @run_options
-@click.option("--realtime/--fast", default=None, help="Pace images by the clock, or run as fast as possible.")
+@click.option(
+    "--realtime/--fast", default=None, help="Pace images by the clock, or run as fast as the processor can."
+)
 def run(config: str | None, realtime: bool | None, **given: object) -> None:
     """Run the loop on SOURCE: images in, haptic feedback out.
 

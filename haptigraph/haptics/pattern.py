@@ -19,6 +19,7 @@ __all__ = [
     "next_change_ns",
     "position_ns",
     "unsupported",
+    "vibrating_ns",
     "with_weakest",
 ]
 

@@ -79,6 +79,10 @@ class RunWriter:
             self._file = Journal(os.open(self.path, NEW_FILE, 0o644), self.path)
         except FileExistsError:
             raise BadInput("exists already; a recording never overwrites a file", path) from None
+        except FileNotFoundError:
+            raise BadInput(
+                f"cannot be written: there is no folder {self.path.parent}; create it first", path
+            ) from None
         except OSError as error:
             raise BadInput(f"cannot be written ({error.strerror})", path) from None
         self.is_complete = False

@@ -34,7 +34,8 @@ def source_kinds() -> list[SourceKind]:
     return [
         SourceKind(
             "phantom[:SCENARIO]",
-            f"a simulated eye and operator; or the path of a scenario (.toml); default: {DEFAULT_SCENARIO}",
+            f"a simulated eye and operator; scenarios are below, or the path of your own (.toml); default: "
+            f"{DEFAULT_SCENARIO}",
         ),
         SourceKind("teleop[:SCENARIO]", "a simulated eye whose needle you steer"),
         SourceKind("camera:N", "a UVC camera; or the path of its device, or the URL of a stream"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from helpers import call, refuse
+from msgspec.structs import replace
 
 from haptigraph.assemble import load_procedure
 from haptigraph.recording.journal import Journal
@@ -80,17 +81,23 @@ def test_replay_under_another_procedure_says_what_differs_and_where_to_see_it(re
     other.write_text(procedure.text.replace("at_most = 5.5", "at_most = 9.0"))
     result = call("replay", recording, "--procedure", other)
     assert result.exit_code == 0
-    states, haptics = re.search(
-        r"states differ in (\d+) of 117 steps, haptic output in (\d+)", result.output
-    ).groups()
-    assert int(states) > 0 and int(haptics) == 0
+    states, identical, first, *_ = result.output.splitlines()
+    lasts_s = re.fullmatch(
+        r"states differ for ([\d.]+) s in \d+ of 117 steps, first at [\d.]+ s \(step \d+\): "
+        r"misaligned_retinal_approach instead of misaligned_intraocular_navigation",
+        states,
+    )[1]
+    assert identical == "haptic output differs in no step"
+    assert re.match(
+        r"\d+ of 117 steps identical; the others differ at least in a relation or a number", first
+    )
     assert "first difference: step" in result.output
     assert "edges needle_tip approaching retina_surface" in result.output
     assert "{" not in result.output  # no raw JSON
     near = re.search(
         r"^state misaligned retinal approach +([\d.]+) s +([\d.]+) s +\*$", result.output, re.MULTILINE
     )
-    assert float(near[1]) < float(near[2])
+    assert 0 < float(near[2]) - float(near[1]) <= float(lasts_s)
     assert re.search(r"^completion time .*[^*]$", result.output, re.MULTILINE)
     assert "not exercised" in result.output or "kept" in result.output
     assert f"haptigraph live --recordings {recording.parent} --port 8765" in result.output
@@ -109,6 +116,30 @@ def test_a_replay_that_differs_exits_with_1(recording, monkeypatch):
     result = call("replay", recording)
     assert result.exit_code == 1
     assert "command" in result.output
+    assert re.search(
+        r"^haptic output differs for [\d.]+ s in \d+ of 117 steps, first at [\d.]+ s \(step \d+\): off instead of low$",
+        result.output,
+        re.MULTILINE,
+    )
+    assert "last digits" not in result.output
+
+
+def test_a_replay_that_differs_in_last_digits_says_so_and_exits_with_1(recording, monkeypatch):
+    from haptigraph.scene.builder import SchemaSceneBuilder
+
+    build = SchemaSceneBuilder.__call__
+
+    def rounded(self, observation):
+        graph = build(self, observation)
+        return replace(graph, measures={name: value + 2e-9 for name, value in graph.measures.items()})
+
+    monkeypatch.setattr(SchemaSceneBuilder, "__call__", rounded)
+    result = call("replay", recording)
+    assert result.exit_code == 1
+    assert "numbers differ in their last digits, by at most 2e-09: states and haptic output are the same" in (
+        result.output
+    )
+    assert "recorded  " not in result.output
 
 
 def test_check_explains_a_procedure():
@@ -225,6 +256,12 @@ def test_demo_runs_records_replays_and_draws(quick, tmp_path):
     assert RunReader(tmp_path / "demo.mcap").is_whole
 
 
+def test_a_recording_into_a_folder_that_does_not_exist_names_the_folder(quick_uri, tmp_path):
+    path = tmp_path / "runs" / "run.mcap"
+    problem = f"cannot be written: there is no folder {path.parent}; create it first"
+    assert refuse("run", quick_uri, "--fast", "--record", path) == f"haptigraph: {path}: {problem}"
+
+
 def test_sources_lists_syntax_and_missing_extras(monkeypatch):
     from haptigraph.sources import available
 
@@ -232,6 +269,7 @@ def test_sources_lists_syntax_and_missing_extras(monkeypatch):
     assert result.exit_code == 0
     for syntax in ("phantom[:SCENARIO]", "camera:N", "realsense[:SERIAL]", "FILE.dcm", "FILE.mcap", "FOLDER"):
         assert re.search(rf"^{re.escape(syntax)} .*\w", result.output, re.MULTILINE)
+    assert re.search(r"^soft_retina +The needle presses on the target", result.output, re.MULTILINE)
     monkeypatch.setattr(available, "find_spec", lambda name: None)
     monkeypatch.setattr(available, "connected_cameras", lambda: [("camera:2", "Microscope")])
     output = call("sources").output

@@ -1,6 +1,7 @@
 """Say what a recording is: what its header states, and what its steps count up to. No image is decoded."""
 
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.assumed import assumed_text
 
-__all__ = ["About", "about_lines", "about_recording", "state_of"]
+__all__ = ["About", "about_lines", "about_recording", "changed_settings", "setting_texts", "state_of"]
 
 MAX_FAULTS = 10
 HASH_DIGITS = 12
@@ -93,7 +94,7 @@ def about_recording(path: str | Path, progress: Progress | None = None) -> About
         assumed=recorded_registration(reader).assumed,
         participant=info.participant,
         trial=info.trial,
-        settings=_changed_settings(config),
+        settings=changed_settings(config),
         attached={name: digest for name, digest in attached.items() if digest},
         own_classes=tuple(info.own_classes.splitlines()),
         robot_shift=info.robot_shift,
@@ -121,10 +122,7 @@ def about_lines(about: About) -> list[str]:
         *((name.replace("_", " "), digest) for name, digest in short.items()),
         *(("own class", line) for line in about.own_classes),
         ("robot", about.robot_shift),
-        *(
-            ("setting", f"{key}={msgspec.json.encode(value).decode()}")
-            for key, value in about.settings.items()
-        ),
+        *(("setting", text) for text in setting_texts(about.settings)),
         (
             "length",
             f"{about.steps} steps in {about.duration_s:.2f} s, {about.dropped_images} images not recorded",
@@ -146,7 +144,13 @@ def state_of(reader: RunReader) -> str:
     return f"recovered; {lost}" if lost else "complete"
 
 
-def _changed_settings(config: Config) -> dict[str, Any]:
+def setting_texts(settings: Mapping[str, Any]) -> list[str]:
+    """Return settings as KEY=VALUE, with the value as JSON."""
+    return [f"{key}={msgspec.json.encode(value).decode()}" for key, value in settings.items()]
+
+
+def changed_settings(config: Config) -> dict[str, Any]:
+    """Return the settings that are not this version's default, by key."""
     used, default = msgspec.to_builtins(config), msgspec.to_builtins(Config())
     return {
         f"{table}.{key}": value
@@ -154,3 +158,11 @@ def _changed_settings(config: Config) -> dict[str, Any]:
         for key, value in values.items()
         if value != default[table][key]
     }
+
+
+def _state(reader: RunReader) -> str:
+    if reader.losses is not None:
+        return f"recovered; {losses_sentence(reader.losses)}"
+    if reader.is_being_written:
+        return "still being written"
+    return "complete" if reader.is_whole else "interrupted; `haptigraph recover` repairs it"

@@ -1,14 +1,16 @@
 """Index one recording: its header, hash, outcome, times and faults as a row, and its steps as columns."""
 
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import msgspec
 from msgspec import Struct
 
+from haptigraph.analysis.archive.about import changed_settings, setting_texts
 from haptigraph.analysis.exporting.columns import Row, certainty_columns, measure_columns
-from haptigraph.analysis.metrics.replay import recorded_procedure
+from haptigraph.analysis.metrics.replay import recorded_config, recorded_procedure
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.checksum import sha256_of
 from haptigraph.errors import BadInput, HaptigraphError
@@ -17,8 +19,12 @@ from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.schema import RunInfo
+from haptigraph.scene.meanings import meanings_in
 
 __all__ = ["Entry", "IndexTask", "index_recording"]
+
+
+OF_ONE_RUN = ("recording.path", "trial.participant", "trial.trial")
 
 
 class IndexTask(Struct, frozen=True):
@@ -78,11 +84,21 @@ def _read(reader: RunReader, row: dict[str, Any]) -> Entry:
     for capture, step in reader.records(images=()):
         measures.add(step)
         steps.add(capture, step)
-    row |= {"procedure": procedure.name, "steps": measures.steps, **steps.totals(), **_outcome(measures)}
+    with suppress(BadInput):  # settings of another version; the steps can be read all the same
+        row["settings"] = _settings(reader)
+    states = dict.fromkeys((state.name for state in procedure.states), 0.0)
+    row |= {"procedure": procedure.name, "steps": measures.steps, **steps.totals()}
+    row |= _outcome(measures, states)
     return Entry(row, steps.columns)
 
 
-def _outcome(measures: RunMeasures) -> dict[str, Any]:
+def _settings(reader: RunReader) -> str:
+    """Return the settings that were not the default, besides those that differ in every run."""
+    changed = changed_settings(recorded_config(reader))
+    return "; ".join(setting_texts({key: changed[key] for key in changed if key not in OF_ONE_RUN}))
+
+
+def _outcome(measures: RunMeasures, states: dict[str, float]) -> dict[str, Any]:
     last = measures.last
     ended = "hit" if measures.completion_s is not None else "no hit"
     return {
@@ -94,8 +110,8 @@ def _outcome(measures: RunMeasures) -> dict[str, Any]:
         "state_changes": measures.state_changes,
         "tipless_steps": measures.tipless_steps,
         "longest_tipless_s": measures.longest_tipless_s,
-        "run_state_s": measures.state_s,
-        "state_s": measures.all_state_s,
+        "run_state_s": {} if measures.started_ns is None else states | measures.state_s,
+        "state_s": states | measures.all_state_s,
         "broken_claims": sum(claim.broken for claim in measures.claims),
     }
 
@@ -105,7 +121,7 @@ class _Steps:
 
     def __init__(self, procedure: Procedure) -> None:
         self._kinds = procedure.kinds
-        self._numbers = (*certainty_columns(), *measure_columns(procedure.schema.measure_names))
+        self._numbers = (*certainty_columns(), *measure_columns(meanings_in(procedure.schema)))
         names = ("step", "time_s", "state", "plays", "amplitude", "faults")
         self.columns: dict[str, list[Any]] = {
             name: [] for name in (*names, *(each.name for each in self._numbers))

@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 from msgspec import Struct
 
+from haptigraph.analysis.archive.dictionary import measures_among
 from haptigraph.analysis.archive.query import Answer, query_archive
 from haptigraph.errors import BadInput, unknown_name
 
@@ -80,8 +81,8 @@ def measures_of(folder: Path) -> tuple[str, ...]:
     Raises:
         BadInput: If there is no archive.
     """
-    sql = "SELECT name FROM columns WHERE table_name = 'steps' AND meaning LIKE 'measure%' ORDER BY name"
-    return tuple(name for (name,) in query_archive(folder, sql).rows)
+    names = query_archive(folder, "SELECT * FROM steps LIMIT 0").columns
+    return tuple(sorted(measures_among(names)))
 
 
 def _about_the_run(given: Filter) -> tuple[list[str], list[Any]]:

@@ -23,7 +23,7 @@ except ModuleNotFoundError:
 __all__ = ["Archive", "no_runs", "steps_table", "with_rows"]
 
 FOLDER, RUNS_FILE = "archive", "runs.parquet"
-FORMAT = b"2"
+FORMAT = b"3"
 FORMAT_KEY = b"haptigraph.archive"
 TYPES: dict[Kind, Any] = {
     "text": pa.string(),

@@ -42,13 +42,12 @@ class Batch(Struct, frozen=True):
     """Of the files that an export writes, one of `SUFFIXES`."""
 
     def about(self) -> dict[str, str]:
-        """Return what every result depends on."""
+        """Return what every result depends on: of a procedure its text, wherever the file is."""
         procedure = load_procedure(self.procedure) if self.procedure else None
         return {
             "kind": self.kind,
             "folder": str(self.folder.resolve()),
-            "procedure": self.procedure,
-            "procedure_sha256": procedure.sha256 if procedure else "",
+            "procedure": f"sha256 {procedure.sha256}" if procedure else "",
             **({"format": self.format} if self.kind == "export" else {}),
             "haptigraph": __version__,
             "software_sha256": software_sha256(),
@@ -84,6 +83,7 @@ def run_batch(
     Raises:
         BadInput: If a folder or a procedure cannot be used, the folder has results of another batch, or
             another program is writing them.
+        MissingExtra: If the job needs a library that is not installed.
     """
     found = list(found_recordings(batch.folder))
     text = load_procedure(batch.procedure).text if batch.procedure else ""

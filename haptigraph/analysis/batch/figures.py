@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from haptigraph.analysis.batch.summary import counted
 from haptigraph.analysis.plots.svg import FONT, text_svg
 
 __all__ = ["paired_bars", "share_bars"]
@@ -32,18 +33,25 @@ def paired_bars(values: Sequence[Mapping[str, float]], names: Sequence[str], uni
         parts.append(text_svg(LEFT_PX - 10, y + 17, name.replace("_", " "), anchor="end"))
         for at, (each, color) in enumerate(zip(values, COLORS, strict=True)):
             value = each.get(name, 0)
-            parts.append(_bar(y + (BAR_PX + 1) * at, value / largest, color, f"{value:.6g} {unit}"))
+            parts.append(
+                _bar(
+                    y + (BAR_PX + 1) * at,
+                    value / largest,
+                    color,
+                    f"{value:.2f} s" if unit == "s" else f"{value} {unit}",
+                )
+            )
     return _svg(24 + ROW_PX * len(rows), parts)
 
 
 def share_bars(shares: Sequence[float]) -> str:
-    """Draw how many recordings have which share of changed steps."""
+    """Draw how many recordings have which share of steps with another state."""
     counts, _ = np.histogram(np.asarray(shares, float), EDGES)
     largest, parts = max(int(counts.max(initial=0)), 1), []
     for row, (text, count) in enumerate(zip(EDGE_TEXTS, counts.tolist(), strict=True)):
         y = 6 + 22 * row
         parts.append(text_svg(LEFT_PX - 10, y + 11, text, anchor="end"))
-        parts.append(_bar(y, count / largest, COLORS[1], f"{count} recordings"))
+        parts.append(_bar(y, count / largest, COLORS[1], counted(count)))
     return _svg(10 + 22 * len(EDGE_TEXTS), parts)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from haptigraph.analysis.batch.batch import Batch, open_results
 from haptigraph.analysis.batch.figures import paired_bars, share_bars
 from haptigraph.analysis.batch.results import Row
-from haptigraph.analysis.batch.summary import MAX_LISTED, Moment, Totals
+from haptigraph.analysis.batch.summary import MAX_LISTED, Moment, Result, Totals, counted
 from haptigraph.analysis.evaluation.evaluation import spread
 from haptigraph.analysis.metrics.page_address import moment_address, page_command, page_procedure
 from haptigraph.files import write_files
@@ -18,20 +18,26 @@ from haptigraph.files import write_files
 __all__ = ["write_report"]
 
 MEASURED = ("_mm", "_deg")
+MAX_PRINTED = 10  # recordings that were passed over
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
-table { border-collapse: collapse; } td, th { padding: .2rem .8rem .2rem 0; text-align: left; }
+table { border-collapse: collapse; }
+td, th { padding: .2rem .8rem .2rem 0; text-align: left; vertical-align: top; }
 td.number { text-align: right; font-variant-numeric: tabular-nums; } .quiet { color: #555; }
+.each td:not(:nth-child(6)) { white-space: nowrap; }
 h2 { margin-top: 2rem; } svg { max-width: 100%; height: auto; }
 """
 TITLES = {
     "gained": "Alarms gained",
     "lost": "Alarms lost",
-    "changed": "First change of state, of each recording",
 }
+HEAD = (
+    *("recording", "states differ", "haptic output differs", "steps", "first at", "first change"),
+    *("state changes", "alarms"),
+)
 ALARMS = (
     "An alarm is gained if it is in the replayed run, and none of its steps is one of an alarm in the "
-    "recorded run; lost, the other way round."
+    "recorded run; lost, the other way round. State changes are counted from the start of a run to its end."
 )
 
 
@@ -56,7 +62,12 @@ def write_report(batch: Batch, page: str) -> list[str]:
                 table.writerow({"recording": row.recording, "problem": row.problem, **_flat(row.result)})
     lines = list(_lines(totals))
     write_files([batch.output / "report.html"], [_html(batch, totals, lines, page).encode()])
-    return lines
+    more = totals.passed_over - MAX_PRINTED
+    return [
+        *lines,
+        *(f"passed over: {name}: {why}" for name, why in totals.problems[:MAX_PRINTED]),
+        *([f"and {more} more: recordings.csv"] if more > 0 else []),
+    ]
 
 
 def _columns(rows: Iterator[Row]) -> list[str]:
@@ -81,16 +92,21 @@ def _flat(result: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def _lines(totals: Totals) -> Iterator[str]:
     sums = totals.sums
-    yield f"{totals.recordings} recordings, {totals.passed_over} passed over"
+    yield f"{counted(totals.recordings)}, {totals.passed_over} passed over"
     if totals.kind == "replay":
         yield (
-            f"states differ in {sums['states_differ']} of {sums['steps']} steps, haptic output in "
-            f"{sums['haptics_differ']}; {sums['identical']} steps are identical to the last bit"
+            f"states differ for {sums['states_differ_s']:.2f} s in {sums['states_differ']} of "
+            f"{sums['steps']} steps, haptic output for {sums['haptics_differ_s']:.2f} s in "
+            f"{sums['haptics_differ']}"
         )
         yield (
-            f"{totals.changed} recordings change; alarms: {totals.gained} gained, {totals.lost} lost; "
+            f"changed: {counted(totals.changed)}; state changes: {totals.state_changes[0]} recorded, "
+            f"{totals.state_changes[1]} replayed; alarms: {totals.gained} gained, {totals.lost} lost; "
             f"hits: {totals.hits_gained} gained, {totals.hits_lost} lost"
         )
+        others = "; the others differ at least in a relation or a number"
+        identical = f"{sums['identical']} of {sums['steps']} steps identical"
+        yield identical if sums["identical"] == sums["steps"] else identical + others
     for perceiver, tips in totals.tips.items():
         reported = f"{tips['tips']} of {tips['images']} images"
         yield f"{perceiver}: tip reported in {reported}, and {tips['false_tips']} false ones"
@@ -135,9 +151,15 @@ def _replay_parts(batch: Batch, totals: Totals, page: str) -> Iterator[str]:
     if batch.procedure and not known:
         yield (
             f"<p class='quiet'>To compare on the page, copy {escape(Path(batch.procedure).name)} into the "
-            "folder of recordings.</p>"
+            "folder of recordings, and run this batch again: it renews the links.</p>"
         )
-    counts = {"gained": totals.gained, "lost": totals.lost, "changed": totals.changed}
+    listed = [*totals.listed[0], *totals.listed[1]][:MAX_LISTED]
+    head = "".join(f"<th>{each}</th>" for each in HEAD)
+    compared = "".join(_compared(result, known, page) for result in listed)
+    yield f"<h2>Recordings that change: {totals.changed}</h2>"
+    yield f"<table class='each'><tr>{head}</tr>{compared}</table>"
+    yield _left_out(totals.recordings)
+    counts = {"gained": totals.gained, "lost": totals.lost}
     for kind, moments in totals.moments.items():
         rows = "".join(_moment(moment, known, page) for moment in moments)
         yield f"<h2>{TITLES[kind]}: {counts[kind]}</h2><table>{rows}</table>{_left_out(counts[kind])}"
@@ -150,6 +172,26 @@ def _moment(moment: Moment, procedure: str, page: str) -> str:
         f'<tr><td><a href="{escape(address)}">{escape(name)}</a></td><td class="number">{time_s:.2f} s</td>'
         f"<td>{escape(what.replace('_', ' '))}</td></tr>"
     )
+
+
+def _compared(listed: Result, procedure: str, page: str) -> str:
+    """Return the row of one recording."""
+    name, result = listed
+    address = moment_address(name, step=result["first_step"], procedure=procedure, page=page)
+    first_s, first = result["first_haptics_s"], "haptic output alone"
+    for change in result["changes"][:1]:
+        first_s, first = change["time_s"], f"{change['replayed']} instead of {change['recorded']}"
+    alarms = [f"{len(result[f'alarms_{kind}'])} {kind}" for kind in TITLES if result[f"alarms_{kind}"]]
+    cells = (
+        f"{result['states_differ_s']:.2f} s",
+        f"{result['haptics_differ_s']:.2f} s",
+        f"{result['states_differ']} of {result['steps']}",
+        *(("", "") if first_s is None else (f"{first_s:.2f} s", first.replace("_", " "))),
+        f"{result['recorded']['state_changes']} → {result['replayed']['state_changes']}",
+        ", ".join(alarms),
+    )
+    row = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
+    return f'<tr><td><a href="{escape(address)}">{escape(name)}</a></td>{row}</tr>'
 
 
 def _left_out(count: int) -> str:

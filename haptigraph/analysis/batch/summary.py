@@ -1,7 +1,7 @@
 """Totals of a batch, added up result by result in little memory."""
 
 from array import array
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -9,16 +9,21 @@ import numpy as np
 
 from haptigraph.analysis.batch.results import Row
 
-__all__ = ["Moment", "Totals"]
+__all__ = ["Moment", "Totals", "counted"]
 
 MAX_LISTED = 500
 NUMBERS = {
-    "replay": ("steps", "identical", "states_differ", "haptics_differ"),
+    "replay": (
+        *("steps", "identical", "states_differ", "haptics_differ"),
+        *("states_differ_s", "haptics_differ_s"),
+    ),
     "export": ("bytes",),
 }
 
 Moment = tuple[str, int, float, str]
 """Recording, step, time [s], what happened."""
+Result = tuple[str, Mapping[str, Any]]
+"""Recording, its result."""
 
 
 class Totals:
@@ -35,13 +40,17 @@ class Totals:
         self.problems = list[tuple[str, str]]()
         """Recordings that were passed over, and why: the first of them."""
         self.passed_over = 0
-        self.sums: Counter[str] = Counter()
+        self.sums: dict[str, float] = defaultdict(int)
         self.tips: dict[str, Counter[str]] = {}
         """Images to score, tips and false tips, by perceiver."""
         self.changed = self.hits_gained = self.hits_lost = 0
-        """Recordings with another state in some step; with a hit as replayed only; as recorded only."""
+        """Recordings with another state or haptic output; with a hit as replayed only; as recorded only."""
         self.gained = self.lost = 0
-        self.moments: dict[str, list[Moment]] = {"gained": [], "lost": [], "changed": []}
+        self.moments: dict[str, list[Moment]] = {"gained": [], "lost": []}
+        self.listed: tuple[list[Result], list[Result]] = ([], [])
+        """Recordings that change, and that do not: the first of them, with their results."""
+        self.state_changes = [0, 0]
+        """Changes of state between start and end, as recorded and as replayed."""
         self.state_s: tuple[Counter[str], Counter[str]] = (Counter(), Counter())
         self.pattern_steps: tuple[Counter[str], Counter[str]] = (Counter(), Counter())
         self.shares = array("d")
@@ -74,22 +83,24 @@ class Totals:
         return len(self.values[name]), float(median), float(low), float(high)
 
     def _add_replay(self, name: str, result: Mapping[str, Any]) -> None:
-        self.changed += result["states_differ"] > 0
+        is_changed = result["states_differ"] + result["haptics_differ"] > 0
+        self.changed += is_changed
+        same_kind = self.listed[not is_changed]
+        if len(same_kind) < MAX_LISTED:
+            same_kind.append((name, result))
         self.shares.append(result["states_differ"] / max(result["steps"], 1))
         for kind in ("gained", "lost"):
             alarms = result[f"alarms_{kind}"]
             setattr(self, kind, getattr(self, kind) + len(alarms))
             for alarm in alarms:
                 self._list(kind, (name, alarm["step"], alarm["time_s"], alarm["state"]))
-        for change in result["changes"][:1]:
-            what = f"{change['replayed']} instead of {change['recorded']}"
-            self._list("changed", (name, change["step"], change["time_s"], what))
         before, after = result["recorded"], result["replayed"]
         self.hits_gained += before["completion_s"] is None and after["completion_s"] is not None
         self.hits_lost += before["completion_s"] is not None and after["completion_s"] is None
         for at, figures in enumerate((before, after)):
             self.state_s[at].update(figures["state_s"])
             self.pattern_steps[at].update(figures["patterns"])
+            self.state_changes[at] += figures["state_changes"]
 
     def _list(self, kind: str, moment: Moment) -> None:
         if len(self.moments[kind]) < MAX_LISTED:
@@ -104,3 +115,8 @@ def _numbers(kind: str, result: Mapping[str, Any]) -> Iterator[tuple[str, float]
         perceiver = result["perceiver"]
         yield from ((f"{perceiver}: tip error [mm]", value) for value in result["tip_errors_mm"])
         yield from ((f"{perceiver}: theta error [deg]", value) for value in result["theta_errors_deg"])
+
+
+def counted(number: int, noun: str = "recording") -> str:
+    """Return a number with its noun in singular or plural."""
+    return f"{number} {noun}{'s' * (number != 1)}"

@@ -27,6 +27,7 @@ def do_task(task: BatchTask) -> Done:
 
     Raises:
         BadInput: If this worker does not see the recording.
+        MissingExtra: If a library is not installed; that says nothing about the recording.
     """
     cv2.setNumThreads(1)  # the workers share the processor already
     path, start_s = Path(task.folder) / task.name, time.process_time()
@@ -34,6 +35,8 @@ def do_task(task: BatchTask) -> Done:
         raise BadInput("is not visible to a worker; recordings belong on a disk that all workers share", path)
     try:
         result, problem = WORK[task.kind](path, task), ""
+    except MissingExtra:
+        raise
     except Exception as error:  # one recording must not end the batch
         result, problem = {}, _sentence(error, path)
     return Done(result, problem, time.process_time() - start_s)
@@ -43,7 +46,7 @@ def _sentence(error: Exception, path: Path) -> str:
     if isinstance(error, BadInput):
         where = f"{error.place}: " if error.place and str(error.file) == str(path) else ""
         return f"{where}{error.problem}"
-    return str(error) if isinstance(error, OSError | MissingExtra) else f"{type(error).__name__}: {error}"
+    return str(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
 
 
 @lru_cache(maxsize=4)
@@ -65,6 +68,14 @@ def _replay(path: Path, task: BatchTask) -> dict[str, Any]:
         "identical": report.identical,
         "states_differ": report.states_differ,
         "haptics_differ": report.haptics_differ,
+        "states_differ_s": report.states.lasts_s,
+        "haptics_differ_s": report.haptics.lasts_s,
+        "first_state_s": report.states.first_s if report.states_differ else None,
+        "first_haptics_s": report.haptics.first_s if report.haptics_differ else None,
+        "first_step": min(
+            (each.first_step for each in (report.states, report.haptics) if each.first_step is not None),
+            default=None,
+        ),
         "dropped_images": report.dropped_images,
         "differing_images": report.differing_images,
         "is_interrupted": not report.is_whole,
@@ -78,7 +89,7 @@ def _measure(path: Path, task: BatchTask) -> dict[str, Any]:
     try:
         from haptigraph.analysis.metrics.trial import measure_recording  # noqa: PLC0415 - needs an extra
     except ModuleNotFoundError:
-        raise MissingExtra("the measures of a trial", "study") from None
+        raise MissingExtra("measuring a recording", "study") from None
     return dict(measure_recording(path))
 
 
@@ -92,7 +103,7 @@ def _export(path: Path, task: BatchTask) -> dict[str, Any]:
     output.parent.mkdir(parents=True, exist_ok=True)
     temporary = output.with_name(f".{os.getpid()}.{output.name}")  # the ending chooses a video's container
     try:
-        export_run(path, task.format, temporary, name=path.stem)
+        export_run(path, task.format, temporary, name=Path(task.name).with_suffix("").as_posix())
         temporary.replace(output)
     finally:
         temporary.unlink(missing_ok=True)

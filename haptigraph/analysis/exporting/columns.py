@@ -4,7 +4,7 @@ CSV, Parquet, MCAP and LeRobot are written from them, and their data dictionarie
 not recorded is None, never 0.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -18,6 +18,7 @@ from haptigraph.messages import Capture, Step, Truth
 from haptigraph.recording.reader import RunReader
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.registered import BaseRegistration
+from haptigraph.scene.meanings import meanings_in
 
 __all__ = ["Column", "Row", "RunTable", "certainty_columns", "measure_columns", "sd_name", "unit_of"]
 
@@ -126,7 +127,7 @@ def _columns(
 ) -> Iterator[Column]:
     yield from _about_the_step(name, utc_offset_ns)
     yield from _decisions()
-    yield from measure_columns(procedure.schema.measure_names)
+    yield from measure_columns(meanings_in(procedure.schema))
     yield from _needle(procedure, registration)
     yield from _scene()
     yield from _motion()
@@ -166,7 +167,7 @@ def _decisions() -> Iterator[Column]:
         "plays", "text", "haptics", "the pattern commanded", lambda row: row.step.command.pattern.name
     )
     yield Column(
-        "amplitude", "number", "haptics", "the amplitude commanded at the image's time, 0 to 1",
+        "amplitude", "number", "haptics", "commanded at the image's time, 0 to 1; max_amplitude may limit it",
         lambda row: amplitude_at(row.step.command, row.step.stamp_ns),
     )  # fmt: skip
     yield Column(
@@ -183,10 +184,10 @@ def _decisions() -> Iterator[Column]:
     )  # fmt: skip
 
 
-def measure_columns(names: Iterable[str]) -> Iterator[Column]:
-    """Yield the columns of measures, each with that of its standard deviation."""
-    for name in names:
-        yield Column(name, "number", "measures", "measure of the scene graph", _measure(name))
+def measure_columns(meanings: Mapping[str, str]) -> Iterator[Column]:
+    """Yield the columns of measures, by name, each with that of its standard deviation."""
+    for name, meaning in meanings.items():
+        yield Column(name, "number", "measures", meaning, _measure(name))
         yield Column(
             sd_name(name), "number", "measures",
             f"standard deviation of {name}, where a relation of the procedure has a margin", _sd(name),

@@ -61,5 +61,5 @@ def write_dictionary(path: Path, columns: Iterable[tuple[str, str, str, str]]) -
 def _cell(value: Any) -> Any:
     """Return a value as the table shows it; None becomes an empty field."""
     if isinstance(value, datetime):
-        return value.isoformat(timespec="milliseconds")
+        return value.isoformat(timespec="microseconds")
     return "; ".join(value) if isinstance(value, list) else value

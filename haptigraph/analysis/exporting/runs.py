@@ -73,8 +73,11 @@ def export_runs(
         MissingExtra: If a library of the format is not installed.
     """
     report = progress or (lambda what, done, total: None)
-    names = _names(paths)
-    with new_folder(Path(output)) as folder:
+    names, output = _names(paths), Path(output)
+    if output.suffix in SUFFIXES.values():
+        problem = f"is to be a folder, with a file for each recording in it; leave out {output.suffix}"
+        raise BadInput(problem, output)
+    with new_folder(output) as folder:
         if kind == LEROBOT:
             write = load(f"{EXPORTING}.lerobot.dataset:write_lerobot")
             about: str = write([Path(path) for path in paths], folder, report, is_lossless=is_lossless)

@@ -1,10 +1,13 @@
-"""Say in words where two messages differ: each as JSON -> the parts that the other does not have."""
+"""Say in words where two messages differ: each as JSON -> the parts that the other does not have.
+
+Or by how much: the largest difference of two numbers, if nothing but numbers differs.
+"""
 
 from typing import Any
 
 import msgspec
 
-__all__ = ["differing_parts"]
+__all__ = ["differing_parts", "largest_difference"]
 
 MAX_PARTS = 4
 NOTHING = "(nothing else)"
@@ -22,6 +25,28 @@ def differing_parts(before: bytes, after: bytes) -> tuple[str, str]:
     texts = [[f"{name}{each[name]}" for name in differing if name in each] for each in parts]
     first, second = (_joined(each) for each in texts)
     return first, second
+
+
+def largest_difference(before: Any, after: Any) -> float | None:
+    """Return the largest difference of numbers with decimals; None if anything else differs.
+
+    Args:
+        before: A message of plain values.
+        after: Another one.
+    """
+    if isinstance(before, float) and isinstance(after, float):
+        return abs(before - after)
+    if isinstance(before, dict) and isinstance(after, dict):
+        pairs = zip(before.values(), after.values(), strict=False) if list(before) == list(after) else None
+    elif isinstance(before, list | tuple) and isinstance(after, list | tuple):
+        pairs = zip(before, after, strict=False) if len(before) == len(after) else None
+    else:
+        return 0.0 if before == after else None
+    if pairs is None:
+        return None
+    found = [largest_difference(*pair) for pair in pairs]
+    numbers = [each for each in found if each is not None]
+    return max(numbers, default=0.0) if len(numbers) == len(found) else None
 
 
 def _parts(value: Any, path: str = "") -> list[tuple[str, str]]:

@@ -30,8 +30,22 @@ def moment_address(name: str, *, step: int | None = None, procedure: str = "", p
 
 
 def page_procedure(name: str, folder: Path) -> str:
-    """Return the name by which the page knows a procedure; empty if its file is not in the page's folder."""
+    """Return the name by which the page knows a procedure.
+
+    Args:
+        name: Of a shipped procedure, or of a file.
+        folder: The page's folder.
+
+    Returns:
+        the name; empty if neither the file nor a copy of it, under its name, is in the folder.
+    """
     if not name.endswith(".toml"):
         return name
     path = Path(name)
-    return path.name if path.resolve().parent == folder.resolve() else ""
+    if path.resolve().parent == folder.resolve():
+        return path.name
+    try:
+        is_copied = (folder / path.name).read_bytes() == path.read_bytes()
+    except OSError:
+        is_copied = False
+    return path.name if is_copied else ""

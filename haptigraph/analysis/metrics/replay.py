@@ -9,7 +9,7 @@ import msgspec
 from msgspec import Struct
 
 from haptigraph import assemble
-from haptigraph.analysis.metrics.differing import differing_parts
+from haptigraph.analysis.metrics.differing import differing_parts, largest_difference
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
@@ -27,7 +27,7 @@ from haptigraph.version import __version__
 
 __all__ = [
     "Difference",
-    "OtherState",
+    "Differing",
     "ReplayReport",
     "own_note",
     "recorded_config",
@@ -53,14 +53,31 @@ class Difference(Struct, frozen=True):
     replayed: str
 
 
-class OtherState(Struct, frozen=True):
-    """The first step with another surgical state."""
+class Differing(Struct):
+    """Steps that differ in one respect; `add` all steps in order."""
 
-    step: int
-    """From 0."""
-    time_s: float
-    recorded: str
-    replayed: str
+    steps: int = 0
+    lasts_s: float = 0.0
+    """How long they last; a step lasts until the following one."""
+    first_step: int | None = None
+    """From 0; None: no step differs."""
+    first_s: float = 0.0
+    recorded: str = ""
+    """What the first of them had."""
+    replayed: str = ""
+    since_s: float | None = None
+    """When the newest step began, if it differs."""
+
+    def add(self, step: int, time_s: float, recorded: str, replayed: str, *, is_other: bool) -> None:
+        """Add the next step, with the name of what it had in both runs."""
+        if self.since_s is not None:
+            self.lasts_s += time_s - self.since_s
+        self.since_s = time_s if is_other else None
+        if not is_other:
+            return
+        if self.first_step is None:
+            self.first_step, self.first_s, self.recorded, self.replayed = step, time_s, recorded, replayed
+        self.steps += 1
 
 
 class ReplayReport(Struct):
@@ -69,10 +86,11 @@ class ReplayReport(Struct):
     steps: int = 0
     identical: int = 0
     first: Difference | None = None
-    first_state: OtherState | None = None
-    states_differ: int = 0
+    difference: float | None = 0.0
+    """The largest of two numbers, if steps differ in numbers alone; None: something else differs, too."""
+    states: Differing = msgspec.field(default_factory=Differing)
     """Steps with another surgical state."""
-    haptics_differ: int = 0
+    haptics: Differing = msgspec.field(default_factory=Differing)
     """Steps that command another pattern, or one with other settings."""
     recorded_patterns: Counter[str] = msgspec.field(default_factory=Counter)
     """Steps by the pattern that they command."""
@@ -95,6 +113,16 @@ class ReplayReport(Struct):
     they need."""
     recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
     replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
+
+    @property
+    def states_differ(self) -> int:
+        """Number of steps with another surgical state."""
+        return self.states.steps
+
+    @property
+    def haptics_differ(self) -> int:
+        """Number of steps with another haptic output."""
+        return self.haptics.steps
 
 
 def replay(
@@ -137,12 +165,12 @@ def replay(
         if differing is not None and report.first is None:
             message, before, after = differing
             report.first = Difference(report.steps, time_s, message, *differing_parts(before, after))
-        states = recorded.conclusion.state, replayed.conclusion.state
-        if states[0] != states[1] and report.first_state is None:
-            report.first_state = OtherState(report.steps, time_s, *states)
+        if differing is not None and report.difference is not None:
+            by = _numbers_differ_by(recorded, replayed)
+            report.difference = None if by is None else max(by, report.difference)
+        _count(report, time_s, recorded, replayed)
         report.steps += 1
         report.identical += differing is None
-        _count(report, recorded, replayed)
         report.recorded.add(recorded)
         report.replayed.add(replayed)
         if watch is not None:
@@ -271,12 +299,14 @@ def own_note(reader: RunReader, perceiver: str) -> str:
     return f"perceiver {perceiver} is not part of haptigraph; {whether}"
 
 
-def _count(report: ReplayReport, recorded: Step, replayed: Step) -> None:
-    before, after = recorded.command.pattern.name, replayed.command.pattern.name
-    report.states_differ += recorded.conclusion.state != replayed.conclusion.state
-    report.haptics_differ += recorded.command.pattern != replayed.command.pattern
-    report.recorded_patterns[before] += 1
-    report.replayed_patterns[after] += 1
+def _count(report: ReplayReport, time_s: float, recorded: Step, replayed: Step) -> None:
+    """Count a step by what differs in it."""
+    states = recorded.conclusion.state, replayed.conclusion.state
+    before, after = recorded.command.pattern, replayed.command.pattern
+    report.states.add(report.steps, time_s, *states, is_other=states[0] != states[1])
+    report.haptics.add(report.steps, time_s, before.name, after.name, is_other=before != after)
+    report.recorded_patterns[before.name] += 1
+    report.replayed_patterns[after.name] += 1
 
 
 def _differing(recorded: Step, replayed: Step) -> tuple[str, bytes, bytes] | None:
@@ -286,3 +316,13 @@ def _differing(recorded: Step, replayed: Step) -> tuple[str, bytes, bytes] | Non
         if before != after:
             return message, before, after
     return None
+
+
+def _numbers_differ_by(recorded: Step, replayed: Step) -> float | None:
+    """Return by how much the numbers of two steps differ at most; None: something else differs."""
+    found = [
+        largest_difference(*(msgspec.to_builtins(getattr(step, message)) for step in (recorded, replayed)))
+        for message in COMPARED
+    ]
+    numbers = [each for each in found if each is not None]
+    return max(numbers) if len(numbers) == len(COMPARED) else None

@@ -59,7 +59,7 @@ def paper_figure(
                 raise BadInput("--at goes with --kind pipeline and views; a timeline shows the whole run")
             other = _replayed(reader, procedure, progress) if procedure is not None else None
             figure = Figure(figsize=(WIDTH_IN, 5.2 if other is None else 7.2), layout="constrained")
-            draw_timeline(figure, series, other)
+            draw_timeline(figure, series, other, _name_of(procedure, series, other))
         elif procedure is not None:
             raise BadInput("--procedure goes with --kind timeline; the other figures show what was recorded")
         else:
@@ -68,6 +68,13 @@ def paper_figure(
             note = figure.text(0.002, 0.004, "simulated", ha="left", fontsize=5, color=COLORS["grey"])
             note.set_in_layout(False)
         save(figure, target)
+
+
+def _name_of(given: str | None, series: Series, other: Series | None) -> str:
+    """Return the name of another procedure; that of its file if the recorded one has the same name."""
+    if given is None or other is None:
+        return ""
+    return other.procedure.name if other.procedure.name != series.procedure.name else Path(given).name
 
 
 def _replayed(reader: RunReader, name: str, progress: Progress | None) -> Series:

@@ -5,6 +5,7 @@ the rim is compared with the registered circle, and the port openings with the r
 """
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ from haptigraph.perception.anatomy.edge import Edge
 from haptigraph.perception.anatomy.port_opening import polar_samples
 from haptigraph.perception.anatomy.rim import Rim
 
-__all__ = ["Motion", "by_reference", "by_rim", "turned_ports_deg"]
+__all__ = ["Motion", "TurnedPort", "by_reference", "by_rim", "turned_ports"]
 
 POINTS, QUALITY, SPACING_PX = 400, 0.01, 8
 MIN_POINTS = 25
@@ -29,9 +30,12 @@ RADII_RATIO, RADII = (0.3, 1.5), 60  # of the rim's radius: what is compared to 
 RETURN_PX = 0.7  # between a point and where it comes back to
 CORRELATED_POINTS = 4.0  # neighbouring details have errors in common
 PORT_MATCH_DEG = 8.0
-RIM_SD_PX = 0.3
-PORT_SD_DEG = 1.2
-"""Standard deviation of the angle of a port opening."""
+RIM_SD_PX, MIN_CENTER_SD_PX = 0.3, 0.02  # of the centre of a rim and of one edge, at least
+QUARTERS = 4  # of an edge: a shade beside it that is taken for it is no longer
+PORT_SD_DEG, OCCLUDED_SD_DEG = 1.2, 3.0
+"""Standard deviations of the angle of a port opening, and of one that a shaft occludes."""
+SHAFT_RATIOS, SHAFT_DEG = (0.84, 0.9), 15.0  # of the rim's radius, and on either side of a trocar
+MIN_SHAFT_GREY = 6.0  # of a shaft before the bowl there
 
 
 class Motion(Struct, frozen=True):
@@ -42,11 +46,19 @@ class Motion(Struct, frozen=True):
     shift_sd_px: float
     scale: float
     """How much larger the eye appears."""
+    scale_sd: float
     turn_deg: float | None
     """Clockwise rotation; None: not observable."""
     turn_sd_deg: float = math.inf
     evidence: str = ""
     """What it was estimated from."""
+
+
+class TurnedPort(NamedTuple):
+    """How far a registered trocar's opening is turned, clockwise."""
+
+    turn_deg: float
+    sd_deg: float
 
 
 def by_reference(view: View) -> Motion | None:
@@ -74,6 +86,7 @@ def by_reference(view: View) -> Motion | None:
         math.hypot(*shift),
         shift_sd,
         math.hypot(a, b),
+        math.sqrt(float(covariance[0, 0])),
         math.degrees(math.atan2(b, a)),
         math.degrees(math.sqrt(float(covariance[1, 1]))),
         "the reference image",
@@ -134,40 +147,81 @@ def by_rim(view: View) -> Motion | None:
     """Compare the rim with the registered circle, or the reference image's rim; None if there is no rim."""
     if view.rim is None:
         return None
-    (x, y), sd_px = _center(view.rim)
-    center, radius = view.center_px, view.radius_px
-    if view.reference_rim is not None:
-        (center, reference_sd_px), radius = _center(view.reference_rim), view.reference_rim.inner.radius_px
+    center_px, sd_px = _center(view.rim)
+    registered_px, radius_px = view.center_px, view.radius_px
+    scale_sd = _sds(view.rim.inner).radius_px / radius_px
+    if (reference := view.reference_rim) is not None:
+        (registered_px, reference_sd_px), radius_px = _center(reference), reference.inner.radius_px
         sd_px = math.hypot(sd_px, reference_sd_px)
-    turned = turned_ports_deg(view)
+        scale_sd = math.hypot(scale_sd, _sds(reference.inner).radius_px / radius_px)
+    turned = turned_ports(view)
+    precisions = np.array([port.sd_deg**-2 for port in turned])
     return Motion(
-        math.dist((x, y), center),
+        math.dist(center_px, registered_px),
         sd_px,
-        view.rim.inner.radius_px / radius,
-        float(np.mean(turned)) if turned else None,
-        PORT_SD_DEG / math.sqrt(len(turned)) if turned else math.inf,
+        view.rim.inner.radius_px / radius_px,
+        scale_sd,
+        float(np.average([port.turn_deg for port in turned], weights=precisions)) if turned else None,
+        float(precisions.sum()) ** -0.5 if turned else math.inf,
         "the rim and the port openings" if turned else "the rim",
     )
 
 
 def _center(rim: Rim) -> tuple[Vec, float]:
-    """Return the centre of both edges of the wall, and its standard deviation: half of what they differ by.
+    """Return the centre of the wall, and its standard deviation: the weighted mean of its edges' centres.
 
-    An edge with little contrast may be taken for a nearby change of shade.
+    What they differ by counts, too.
     """
-    if rim.outer is None:
-        return rim.inner.center_px, RIM_SD_PX
-    (ax, ay), (bx, by) = rim.inner.center_px, rim.outer.center_px
-    return ((ax + bx) / 2, (ay + by) / 2), max(RIM_SD_PX, math.hypot(ax - bx, ay - by) / 2)
+    edges = [edge for edge in (rim.inner, rim.outer) if edge is not None]
+    centers = np.array([edge.center_px for edge in edges])
+    weights = np.array([1 / max(_sds(edge).center_px, MIN_CENTER_SD_PX) ** 2 for edge in edges])
+    x, y = weights @ centers / weights.sum()
+    squared = weights @ ((centers - [x, y]) ** 2).sum(axis=1) / weights.sum()
+    return (float(x), float(y)), max(RIM_SD_PX, float(weights.sum()) ** -0.5, math.sqrt(float(squared)))
 
 
-def turned_ports_deg(view: View) -> list[float]:
-    """Return how far the registered trocars' openings are turned, clockwise; empty if not all are visible."""
+class _CircleSds(NamedTuple):
+    """Standard deviations."""
+
+    radius_px: float
+    center_px: float
+
+
+def _sds(edge: Edge) -> _CircleSds:
+    """Return the standard deviations of an edge's circle: by how it changes without a quarter of the edge.
+
+    An edge with little contrast may be taken for a shade beside it, and all its points there err alike.
+    """
+    turns = [one(order * edge.angles) for order in (1, 2) for one in (np.cos, np.sin)]
+    design = np.column_stack([np.ones_like(edge.angles), *turns])
+    quarter = (edge.angles / (2 * math.pi) * QUARTERS).astype(int) % QUARTERS
+    others = [quarter != number for number in np.unique(quarter)]
+    if len(others) < QUARTERS - 1:
+        return _CircleSds(edge.radius_px, edge.radius_px)
+    circles = [np.linalg.lstsq(design[one], edge.offsets_px[one], rcond=None)[0][:3] for one in others]
+    radius, *center = np.sqrt((len(others) - 1) * np.var(circles, axis=0)).tolist()
+    return _CircleSds(radius, math.hypot(*center))
+
+
+def turned_ports(view: View) -> list[TurnedPort]:
+    """Return how far the openings of the registered trocars are turned; empty if not all are visible."""
     turned = []
     for registered_deg in view.trocars_deg:
         off = [wrapped_deg(found_deg - registered_deg) for found_deg in view.ports_deg]
         nearest = min(off, key=abs, default=180.0)
         if abs(nearest) > PORT_MATCH_DEG:
             return []
-        turned.append(nearest)
+        turned.append(
+            TurnedPort(nearest, OCCLUDED_SD_DEG if _is_occluded(view, registered_deg) else PORT_SD_DEG)
+        )
     return turned if len(turned) > 1 else []
+
+
+def _is_occluded(view: View, trocar_deg: float) -> bool:
+    """Return whether a shaft is before the bowl, inwards of a trocar: it hides where the opening ends."""
+    off_deg = np.linspace(-SHAFT_DEG, SHAFT_DEG, 61)
+    radii_px = np.linspace(*SHAFT_RATIOS, 7) * view.found_radius_px
+    tone = view.samples_at_deg(trocar_deg + off_deg, radii_px).mean(axis=1)
+    shading = np.column_stack([np.ones_like(off_deg), off_deg])
+    contrast = tone - shading @ np.linalg.lstsq(shading, tone, rcond=None)[0]
+    return bool(np.sqrt((contrast**2).mean(axis=1)).max() > MIN_SHAFT_GREY)

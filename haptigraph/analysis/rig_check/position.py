@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from haptigraph.analysis.rig_check.motion import Motion, by_reference, by_rim, turned_ports_deg
+from haptigraph.analysis.rig_check.motion import Motion, by_reference, by_rim, turned_ports
 from haptigraph.analysis.rig_check.subject import Subject
 from haptigraph.analysis.rig_check.view import View
 from haptigraph.findings import Finding
@@ -22,7 +22,8 @@ MAX_MOVED_MM, MAX_MOVED_PX = 0.15, 1.5
 SCALE_RANGE = 0.985, 1.035  # of the rim against the registered circle
 REFERENCE_SCALE_RANGE = 0.99, 1.01  # of the rim against that of the reference image
 MAX_RESIDUAL_MM, MAX_RESIDUAL_PX = 0.15, 1.0
-MAX_PORT_MM = 0.6  # along the wall; a port opening is located to 0.25 mm
+MAX_PORT_MM = 0.1
+"""Along the wall, besides two standard deviations of a port opening: 0.5 mm, or 1.3 mm behind a shaft."""
 MIN_SUPPORT = 0.6
 MAX_LAYER_MM = 0.3  # of a registered retina before the wall: a thicker one is not at the rim
 
@@ -81,7 +82,7 @@ def moved(view: View) -> Subject:
         return Subject("position", not_judged="no rim of an eye was found")
     scale_range = REFERENCE_SCALE_RANGE if view.reference_rim else SCALE_RANGE
     measured = {"shift_mm": best.shift_px / view.px_per_mm, "shift_sd_mm": best.shift_sd_px / view.px_per_mm}
-    measured |= {"scale_share": best.scale}
+    measured |= {"scale_share": best.scale, "scale_sd_share": best.scale_sd}
     if best.turn_deg is not None:
         measured |= {"turn_deg": best.turn_deg, "turn_sd_deg": best.turn_sd_deg}
     findings = tuple(_moved_findings(view, best, scale_range))
@@ -115,11 +116,12 @@ def _moved_findings(view: View, motion: Motion, scale_range: tuple[float, float]
             f"{remedy}",
         )
     low, high = scale_range
-    if not low <= motion.scale <= high:
+    margin = 2 * motion.scale_sd
+    if not low - margin <= motion.scale <= high + margin:
         yield Finding(
             "moved",
-            f"by {motion.evidence}, the eye appears {motion.scale:.3f} times as large as registered; {low:g} "
-            f"to {high:g} is valid: {remedy}",
+            f"by {motion.evidence}, the eye appears {motion.scale:.3f} times as large (standard "
+            f"deviation {motion.scale_sd:.3f}) as registered; {low:g} to {high:g} is valid: {remedy}",
         )
 
 
@@ -134,9 +136,11 @@ def residuals(view: View) -> Subject:
     }
     if (retina_mm := _retina_residual_mm(view, inner)) is not None:
         measured["retina_residual_mm"] = retina_mm
-    if turned := turned_ports_deg(view):
-        off_deg = np.array(turned) - np.mean(turned)
-        measured["port_residual_mm"] = float(np.abs(np.radians(off_deg)).max() * view.radius_px * mm)
+    mm_per_deg = math.radians(view.registration.globe.radius_mm)
+    if turned := turned_ports(view):
+        turn_deg = np.array([port.turn_deg for port in turned])
+        measured["port_residual_mm"] = float(np.abs(turn_deg - turn_deg.mean()).max()) * mm_per_deg
+        measured["port_residual_sd_mm"] = max(port.sd_deg for port in turned) * mm_per_deg
     limit_mm = max(MAX_RESIDUAL_MM, MAX_RESIDUAL_PX * mm)
     return Subject("registration", measured, tuple(_residual_findings(measured, limit_mm)))
 
@@ -148,10 +152,11 @@ def _residual_findings(measured: dict[str, float], limit_mm: float) -> Iterator[
             f"the rim is visible on {support:.0%} of its circumference; at least {MIN_SUPPORT:.0%} is valid: "
             "remove what covers it, or light it better",
         )
-    if (off_mm := measured.get("port_residual_mm", 0.0)) > MAX_PORT_MM:
+    port_limit_mm = MAX_PORT_MM + 2 * measured.get("port_residual_sd_mm", 0.0)
+    if (off_mm := measured.get("port_residual_mm", 0.0)) > port_limit_mm:
         yield Finding(
             "residual",
-            f"the port openings are off their trocars by {off_mm:.2f} mm, at most {MAX_PORT_MM:g} mm "
+            f"the port openings are off their trocars by {off_mm:.2f} mm, at most {port_limit_mm:.1f} mm "
             "is valid: register again",
         )
     for what, sentence in (

@@ -15,6 +15,7 @@ from haptigraph.analysis.rig_check.subject import Subject
 from haptigraph.analysis.rig_check.view import View, angle_from_top_deg, wrapped_deg
 from haptigraph.findings import Finding
 from haptigraph.imaging import Floats
+from haptigraph.perception.anatomy.port_opening import WHITE_GREY
 from haptigraph.registration.assumed import TARGET
 from haptigraph.rig.description import Rig
 
@@ -23,11 +24,13 @@ __all__ = ["Mark", "found_mark", "registered_deg", "target"]
 MAX_OFF_MM = 0.35
 """Half the distance at which a tip touches the target."""
 BANDS_MM = (-0.8, -0.15), (0.15, 1.0)  # from the rim outwards: on the retina, and on the cut face
-STEP_DEG = 0.25
+HIGHLIGHT_MM = 0.6  # farther inside: a specular highlight there is no mark, nor is its edge
+STEP_DEG, RADIUS_STEP_MM = 0.25, 0.1
 HALF_DEG = 75.0  # from the bottom
 AROUND_DEG = 14.0  # either side, with which a place is compared
 WIDTH_MM = 0.5, 3.0  # of a mark
-MIN_CONTRAST_GREY, MIN_CONTRAST_RATIO = 12.0, 6.0  # of a mark; the ratio is to the typical contrast
+MIN_CONTRAST_GREY, MIN_CONTRAST_RATIO = 9.0, 6.0  # of a mark; the ratio is to the typical contrast
+MIN_CONTRAST_SHARE = 0.12  # of the brightness around it: uneven light and texture change that by less
 MAX_RIVAL = 0.6  # contrast of the second strongest mark against the strongest: none is certain otherwise
 RIG_MARGIN_SD = 3.0
 
@@ -105,12 +108,18 @@ def _mark(view: View, band_mm: tuple[float, float]) -> Mark | None:
     mm_per_deg = math.radians(view.registration.globe.radius_mm)
     reach_deg = HALF_DEG + AROUND_DEG
     angles_deg = np.arange(-reach_deg, reach_deg + STEP_DEG / 2, STEP_DEG)
-    radii_px = view.found_radius_px + np.linspace(*band_mm, 9) * view.px_per_mm
-    tone = view.samples_at_deg(180 - angles_deg, radii_px).mean(axis=1)
-    contrast = _contrast(tone)
+    low_mm, high_mm = band_mm
+    radii_mm = np.arange(low_mm - HIGHLIGHT_MM, high_mm + RADIUS_STEP_MM, RADIUS_STEP_MM)
+    samples = view.samples_at_deg(180 - angles_deg, view.found_radius_px + radii_mm * view.px_per_mm)
+    tone = samples[:, radii_mm > low_mm - RADIUS_STEP_MM / 2].mean(axis=1)
+    around = median_filter(tone, (2 * round(AROUND_DEG / STEP_DEG) + 1, 1), mode="nearest")
+    contrast = _rms(np.asarray(cv2.blur(tone - around, (1, 5)), np.float64))
     contrast[np.abs(angles_deg) > HALF_DEG] = 0
     peak = int(contrast.argmax())
-    if contrast[peak] < max(MIN_CONTRAST_GREY, MIN_CONTRAST_RATIO * float(np.median(contrast))):
+    typical, brightness = float(np.median(contrast)), float(_rms(around)[peak])
+    least = max(MIN_CONTRAST_GREY, MIN_CONTRAST_RATIO * typical, MIN_CONTRAST_SHARE * brightness)
+    is_highlight = tone[peak].sum() > around[peak].sum() and samples[peak].min(axis=1).max() >= WHITE_GREY
+    if contrast[peak] < least or is_highlight:
         return None
     is_low = contrast < contrast[peak] / 2
     before, after = np.flatnonzero(is_low[:peak]), np.flatnonzero(is_low[peak:])
@@ -127,9 +136,6 @@ def _mark(view: View, band_mm: tuple[float, float]) -> Mark | None:
     return Mark(float(start_deg + stop_deg) / 2, sd_deg)
 
 
-def _contrast(tone: Floats) -> Floats:
-    """Return how much a place differs in colour from those on both sides, (n,) grey levels."""
-    around = median_filter(tone, (2 * round(AROUND_DEG / STEP_DEG) + 1, 1), mode="nearest")
-    off = cv2.blur(tone - around, (1, 5))
-    contrast: Floats = np.sqrt(np.mean(np.asarray(off, np.float64) ** 2, axis=1))
-    return contrast
+def _rms(color: Floats) -> Floats:
+    """Return the root mean square of three colours, (n,)."""
+    return np.asarray(np.sqrt(np.mean(color**2, axis=1)), np.float64)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["archive", "query"]
 
 MAX_DAMAGED = 10
+MAX_WIDTH = 240  # of a table, in characters
 
 
 @click.command(epilog=examples("haptigraph archive recordings", "haptigraph archive recordings --workers 4"))
@@ -70,7 +71,9 @@ def archive(folder: str, workers: int | None, cluster: str | None, tls: str | No
     default=".",
     help="The folder of recordings that `haptigraph archive` indexed; default: the current one.",
 )
-@click.option("--csv", "as_csv", is_flag=True, help="Print CSV instead of a table.")
+@click.option(
+    "--csv", "as_csv", is_flag=True, help="Print CSV; a map such as state_s has a column for each key."
+)
 def query(sql: str, folder: str, as_csv: bool) -> None:
     """Run one SELECT statement of DuckDB over an archive.
 
@@ -86,10 +89,10 @@ def query(sql: str, folder: str, as_csv: bool) -> None:
     if as_csv:
         import csv
 
-        table = csv.writer(sys.stdout, lineterminator="\n")
-        table.writerows([answer.columns, *answer.rows])
+        csv.writer(sys.stdout, lineterminator="\n").writerows(_flat(answer))
         return
-    for line in _aligned(answer):
+    lines = _aligned(answer)
+    for line in lines if max(map(len, lines)) <= MAX_WIDTH else _listed(answer):
         click.echo(line)
     click.echo(f"({len(answer.rows)} rows)")
 
@@ -112,7 +115,32 @@ def _aligned(answer: "Answer") -> list[str]:
     return [lines[0], "-" * max(map(len, lines)), *lines[1:]]
 
 
+def _listed(answer: "Answer") -> list[str]:
+    """Return rows that are too wide for a table: a line for each value, an empty one after each row."""
+    width = max(map(len, answer.columns))
+    return [
+        line
+        for row in answer.rows
+        for line in (
+            *(f"{name:{width}}  {_text(value)}" for name, value in zip(answer.columns, row, strict=True)),
+            "",
+        )
+    ]
+
+
+def _flat(answer: "Answer") -> list[list[Any]]:
+    """Return header and rows with a column for each key of a map: state_s.retinal_contact."""
+    columns: list[list[Any]] = []
+    for name, values in zip(answer.columns, zip(*answer.rows, strict=True), strict=False):
+        keys = dict.fromkeys(key for value in values if isinstance(value, dict) for key in value)
+        columns += [[f"{name}.{key}", *((value or {}).get(key) for value in values)] for key in keys]
+        columns += [] if keys else [[name, *values]]
+    return [list(row) for row in zip(*columns, strict=True)] if answer.rows else [answer.columns]
+
+
 def _text(value: Any) -> str:
     if value is None:
         return "-"
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_text(each)}" for key, each in value.items()) or "-"
     return f"{value:.6g}" if isinstance(value, float) else " ".join(str(value).split())

@@ -53,14 +53,17 @@ def batch(
 ) -> None:
     """Do one job on all recordings below FOLDER, and report on them together.
 
-    replay: what this version, or another procedure, would have done. measure: the measures of each run.
-    evaluate: the errors of perception, in simulated recordings. export: a table or a video of each.
+    replay: what this version, or another procedure, would have done. measure: the measures of each run; needs
+    haptigraph[study]. evaluate: the errors of perception, in simulated recordings. export: a table or a video
+    of each.
 
     OUT receives report.html and recordings.csv. A damaged recording is reported and passed over. After an
-    interruption, run it again to resume; recordings that have not changed are not done again.
+    interruption, run it again to resume: recordings that have not changed are not done again. The
+    report is written anew each time.
     """
     from haptigraph.analysis.batch.batch import Batch, run_batch
     from haptigraph.analysis.batch.report import write_report
+    from haptigraph.analysis.batch.summary import counted
     from haptigraph.analysis.metrics.page_address import PAGE, page_command
 
     if procedure and kind in ("measure", "export"):
@@ -75,11 +78,9 @@ def batch(
             progress=progress,
         )
     lines = write_report(spec, page or PAGE)
-    click.echo(
-        f"{ran.now} recordings now, in {time.perf_counter() - start_s:.0f} s; {ran.before} done before"
-    )
+    click.echo(f"{counted(ran.now)} now, in {time.perf_counter() - start_s:.0f} s; {ran.before} done before")
     if ran.being_written:
-        click.echo(f"{ran.being_written} are still being recorded, and left for later")
+        click.echo(f"{counted(ran.being_written)} left for later: still being recorded")
     for line in lines:
         click.echo(line)
     click.echo(f"{Path(output) / 'report.html'}  its links need: {page_command(folder)}")

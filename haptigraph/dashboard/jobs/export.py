@@ -20,12 +20,26 @@ def export_csv(name: str) -> None:
     )
 
 
-def export_png(name: str) -> None:
-    """Send the figure of a run."""
-    from haptigraph.analysis.plots.figures import run_figure  # noqa: PLC0415 - Matplotlib takes seconds
+def export_png(name: str, procedure: str = "") -> None:
+    """Send the figure of a run; with another procedure, that of both over time."""
+    from haptigraph.analysis.paper.figure import paper_figure  # noqa: PLC0415 - Matplotlib takes seconds
+    from haptigraph.analysis.plots.figures import run_figure  # noqa: PLC0415
 
     send_message({"type": "progress", "what": "drawing", "done": 0, "total": 0})
-    _send_file(lambda output: run_figure(name, output), ".png")
+    if not procedure:
+        _send_file(lambda output: run_figure(name, output), ".png")
+        return
+    progress = progress_reporter("replaying")
+    _send_file(
+        lambda output: paper_figure(
+            name,
+            "timeline",
+            output,
+            procedure=procedure,
+            progress=lambda _, done, total: progress(done, done, total),
+        ),
+        ".png",
+    )
 
 
 def _send_file(write: Callable[[str], None], suffix: str) -> None:

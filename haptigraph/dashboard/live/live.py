@@ -62,6 +62,11 @@ class LivePage:
         return addresses(self._listener, self._host, self._tokens.steer)[0]
 
     @property
+    def recordings_address(self) -> str:
+        """Where this machine's browser finds the recordings."""
+        return addresses(self._listener, self._host, self._tokens.steer, "/recordings")[0]
+
+    @property
     def address_lines(self) -> list[str]:
         """What to print: the addresses to steer and, for other machines, to watch."""
         steer = addresses(self._listener, self._host, self._tokens.steer)

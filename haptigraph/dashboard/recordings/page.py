@@ -81,7 +81,7 @@ class _Recordings:
 
     async def _job(self, job: str, name: str, arguments: list[str]) -> AsyncIterator[bytes]:
         self._folder.path_of(name)
-        if job == "compare":
+        if job == "compare" or (job == "png" and arguments):
             arguments = [self._procedure(*arguments)]
         elif arguments:
             raise BadInput(f"{job} does not take a procedure")

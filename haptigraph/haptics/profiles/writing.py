@@ -10,7 +10,7 @@ from haptigraph.haptics.profiles.profile import DeviceProfile, parse_profile
 __all__ = ["profile_text"]
 
 HEAD = """\
-# How strong a device feels; docs/how_to/profiles.md explains every key. Use it with --profile.
+# How strong a device feels, for --profile. Documentation of all keys: "Measure how strong a device feels".
 # basis: "measured" by a clock or an instrument, "answers" of a person, "literature", "judgement".
 """
 

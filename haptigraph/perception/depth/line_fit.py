@@ -12,6 +12,7 @@ MIN_SAMPLES = 4
 MIN_INLIER_SHARE = 0.35
 PRIOR_SAMPLES = 8.0  # the weight of the given standard deviation against the scatter about the line
 ALIKE_SAMPLES = 2.0  # neighbours that err alike: the matching window is longer than a block
+MAX_LEVERAGE = 0.8  # of a sample on the line: beyond, the others could not show that it is an outlier
 MAX_SCATTER = 6.0  # mean squared residual over the given variance: beyond, it is no line
 
 
@@ -31,8 +32,9 @@ class Fit(Struct, frozen=True, eq=False):
 def robust_line(at: Floats, values: Floats, sd: float, systematic: Floats) -> Fit | None:
     """Fit a line to most of some samples.
 
-    The line through two of them that most others are near selects the samples; least squares fits a line to
-    them. Their scatter about it corrects the given standard deviation as far as there are enough of them.
+    The line through two of them that most others are near selects the samples; generalized least squares fits
+    a line to them, with the errors that they share. Their scatter about it corrects the given standard
+    deviation as far as there are enough of them.
 
     Args:
         at: Positions, (n,).
@@ -41,7 +43,7 @@ def robust_line(at: Floats, values: Floats, sd: float, systematic: Floats) -> Fi
         systematic: Change of the values by one standard deviation of each error that they share, (k, n).
 
     Returns:
-        The line; None if there are too few samples, or they are on no line.
+        The line; None if there are too few samples, they are on no line, or one of them alone decides it.
     """
     if len(at) < MIN_SAMPLES:
         return None
@@ -50,14 +52,15 @@ def robust_line(at: Floats, values: Floats, sd: float, systematic: Floats) -> Fi
     if count < max(MIN_SAMPLES, MIN_INLIER_SHARE * len(at)):
         return None
     design = np.column_stack([np.ones(count), at[is_inlier]])
-    solve = np.linalg.pinv(design)
-    answer = solve @ values[is_inlier]
-    squares = float((((values[is_inlier] - design @ answer) / sd) ** 2).sum())
-    if squares > MAX_SCATTER * (count - 2):
+    chosen, shared = values[is_inlier], systematic[:, is_inlier]
+    hat = design @ np.linalg.pinv(design)
+    squares = float((((chosen - hat @ chosen) / sd) ** 2).sum())
+    if squares > MAX_SCATTER * (count - 2) or np.diag(hat).max() > MAX_LEVERAGE:
         return None
     variance = sd**2 * (PRIOR_SAMPLES + squares) / (PRIOR_SAMPLES + count - 2)
-    shifts = solve @ systematic[:, is_inlier].T
-    return Fit(answer, ALIKE_SAMPLES * variance * solve @ solve.T + shifts @ shifts.T)
+    weights = np.linalg.inv(ALIKE_SAMPLES * variance * np.eye(count) + shared.T @ shared)
+    covariance = np.linalg.inv(design.T @ weights @ design)
+    return Fit(covariance @ design.T @ weights @ chosen, covariance)
 
 
 def _consensus(at: Floats, values: Floats, within: float) -> Mask:

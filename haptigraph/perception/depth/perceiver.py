@@ -27,11 +27,12 @@ OUTSIDE_MM = 6.0  # outside the trocar, up to which the shaft is followed
 HALF_WIDTH_MM = 0.6  # of the thickest shaft or cannula
 WALL_MARGIN_MM = 0.3
 SURFACE_SHARE, SURFACE_SD = math.pi / 4, 0.25  # of the radius, before the axis; a highlight is deeper
-WIDTH_SD_MM = 0.12  # of a radius that was measured in the image: highlights and shade have edges, too
+RADIUS_SD_MM = 0.06  # of a radius that was measured in the image: highlights and shade have edges, too
+SIDES_SD_MM, TAPER_SD_MM = 0.07, 0.1  # of its differences: across the wall, and from there to the tip
 RCM_SD_MM = 0.5  # of the shaft from the trocar's centre, across the section
 RCM_SDS = 3.0
 MAX_OUT_OF_PLANE_DEG = 75.0
-MAX_SD_DEG = 1.5  # of a reported angle; a less certain one says little
+MAX_SD_DEG = 1.0  # of a reported angle: 95 % are within 2 degrees
 STEP = 1e-3  # share of a standard deviation, for derivatives
 
 
@@ -95,7 +96,7 @@ class DepthPerceiver:
         has_tip = isinstance(observation.found.get("needle_tip"), Point)
         if depth is None or not isinstance(line, Segment) or not has_tip or observation.certainty is None:
             return observation
-        found = self._in_space(capture, depth, line)
+        found = self._in_space(capture, depth, line, observation.certainty.tip_sd_mm or 0.0)
         if found is None:
             return observation
         shaft, tip_sd_mm, angle_sd_deg = found
@@ -110,8 +111,17 @@ class DepthPerceiver:
         """Forget earlier images."""
         self._perceiver.reset()
 
-    def _in_space(self, capture: Capture, depth: DepthImage, line: Segment) -> _InSpace | None:
-        """Return the shaft in space by all of it that is visible, or else by what is inside the eye."""
+    def _in_space(
+        self, capture: Capture, depth: DepthImage, line: Segment, tip_sd_mm: float
+    ) -> _InSpace | None:
+        """Return the shaft in space by all of it that is visible, or else by what is inside the eye.
+
+        Args:
+            capture: Has the image.
+            depth: Of the image.
+            line: The shaft in the image.
+            tip_sd_mm: Standard deviation of its tip along it.
+        """
         image = self._registration.checked(capture.image)
         to_px, mm_per_px = self._registration.image.to_px, self._registration.image.mm_per_px
         first_mm = self._first_mm(line)
@@ -122,25 +132,32 @@ class DepthPerceiver:
         stated_px = self._half_width_px(first_mm, line.end_mm, len(hidden))
         ends_px = strip.first_px, strip.tip_px
         blocks = sample(image, depth, ends_px, HALF_WIDTH_MM / mm_per_px, hidden, stated_px)
-        inverse, systematic = self._of_axis(blocks, strip.length_px, is_stated=stated_px is not None)
+        inverse, systematic = self._of_axis(blocks, strip, is_stated=stated_px is not None)
         sd = self._inverse_sd(depth)
         for from_px in (-math.inf, strip.entry_px):
             part = blocks.along_px > from_px
             fit = robust_line(blocks.along_px[part], inverse[part], sd, systematic[:, part])
-            found = fit and self._judged(fit, strip)
+            found = fit and self._judged(fit, strip, tip_sd_mm)
             if found:
                 return found
         return None
 
-    def _of_axis(self, blocks: Blocks, length_px: float, *, is_stated: bool) -> tuple[Floats, Floats]:
+    def _of_axis(self, blocks: Blocks, strip: _Strip, *, is_stated: bool) -> tuple[Floats, Floats]:
         """Return one over the depth of the axis at each block, (n,), and its systematic errors, (k, n)."""
         tangent = blocks.half_px / self._plane.focal_px
         inverse = blocks.inverse_per_mm / (1 + SURFACE_SHARE * tangent)
         errors = [SURFACE_SD * tangent]
         if not is_stated:
-            width_sd = WIDTH_SD_MM / self._registration.image.mm_per_px / self._plane.focal_px
-            constant = np.full(len(tangent), width_sd)
-            errors += [constant, constant * (blocks.along_px / length_px - 0.5)]
+            inside_px = max(strip.length_px - strip.entry_px, 1.0)
+            inside = (blocks.along_px - strip.entry_px) / inside_px
+            radius_mm = np.array(
+                [
+                    np.full(len(inside), RADIUS_SD_MM),
+                    SIDES_SD_MM * np.where(inside > 0, 0.5, -0.5),
+                    TAPER_SD_MM * np.maximum(inside, 0),
+                ]
+            )
+            errors += [*SURFACE_SHARE * radius_mm / self._registration.image.mm_per_px / self._plane.focal_px]
         return inverse, np.array(errors) * inverse
 
     def _half_width_px(self, first_mm: Vec, tip_mm: Vec, count: int) -> Floats | None:
@@ -175,7 +192,7 @@ class DepthPerceiver:
         rounding_mm = depth.unit_mm / math.sqrt(12)
         return math.hypot(self._plane.camera.inverse_sd_per_mm, rounding_mm / self._plane.section_mm**2)
 
-    def _judged(self, fit: Fit, strip: _Strip) -> _InSpace | None:
+    def _judged(self, fit: Fit, strip: _Strip, tip_sd_mm: float) -> _InSpace | None:
         """Return the shaft in space; None if it is too uncertain or does not pass through the trocar."""
         if min(fit(0.0), fit(strip.length_px)) <= 0:
             return None
@@ -192,11 +209,11 @@ class DepthPerceiver:
         entry_sd_mm = math.hypot(of_entry, self._plane_sd_mm(ends[0]), RCM_SD_MM)
         if abs(ends[0, 2]) > RCM_SDS * entry_sd_mm or abs(shaft.out_of_plane_deg) > MAX_OUT_OF_PLANE_DEG:
             return None
-        tip_sd_mm = math.hypot(of_tip, self._plane_sd_mm(ends[1]))
+        along_sd_mm = tip_sd_mm * math.tan(math.radians(shaft.out_of_plane_deg))
         angle_sd_deg = math.hypot(of_angle, self._plane.tilt_sd_deg)
         if angle_sd_deg > MAX_SD_DEG:
             return None
-        return _InSpace(shaft, tip_sd_mm, angle_sd_deg)
+        return _InSpace(shaft, math.hypot(of_tip, self._plane_sd_mm(ends[1]), along_sd_mm), angle_sd_deg)
 
     def _ends_mm(self, fit: Fit, strip: _Strip) -> Floats:
         """Return the shaft at the trocar and at the tip, (2, 3), eye frame."""

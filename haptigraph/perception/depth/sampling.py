@@ -19,10 +19,10 @@ BLOCK_PX = 6
 """Length of a block: farther apart, the matching window of a stereo camera sees other pixels."""
 LANE_PX = 0.5
 CORE_SHARE = 0.5  # of the half-width, about the axis, in which depths count
-MIN_HALF_PX = 1.0  # a thinner shaft has no pixels that are all metal
+MIN_HALF_PX = 1.5  # of a thinner shaft all depths are partly the background's
 MIN_DEPTHS = 4  # of a block
 OUTLIER_SPREADS, MIN_SPREAD_MM = 3.0, 0.15  # of a depth from the median of its block
-OUTER_SHARE = 0.7  # of the steepest edge: a highlight within the shaft has edges, too
+OUTER_SHARE = 0.3  # of the steepest edge: a highlight within the shaft has steeper ones
 SMOOTH_BLOCKS = 2  # to either side, over which the median of half-widths is taken
 
 
@@ -53,7 +53,7 @@ def sample(
         ends_px: The points.
         max_half_px: Half the width of the thickest shaft.
         hidden: Whether the shaft is hidden, in the wall for instance, at each pixel of length, (n,).
-        half_px: Half-width of the shaft there, (n,); None: it is measured in the image.
+        half_px: Half-width of the shaft there, (n,); None: it is measured in the image, towards the tip.
     """
     start, end = ends_px
     count = len(hidden) // BLOCK_PX
@@ -65,6 +65,8 @@ def sample(
     y = start[1] + stations * along[1] + lanes[:, None] * along[0]
     if half_px is None:
         half_px = _half_widths(_sampled(grey_of(image), x, y, cv2.INTER_LINEAR), lanes, count, max_half_px)
+        is_visible = ~hidden[: len(stations)].reshape(count, BLOCK_PX).all(axis=1)
+        half_px[is_visible] = _decreasing(half_px[is_visible])
     else:
         half_px = np.asarray(half_px[: len(stations)].reshape(count, BLOCK_PX).mean(axis=1), np.float64)
     values = _sampled(depth.values, x - depth.left_px, y - depth.top_px, cv2.INTER_NEAREST)
@@ -98,6 +100,19 @@ def _half_widths(grey: Floats, lanes: Floats, count: int, max_half_px: float) ->
         half[side] = sign * (lanes[at] + LANE_PX * offset)
     widths = np.pad(half.mean(axis=0), SMOOTH_BLOCKS, mode="edge")
     return np.asarray(np.median(sliding_window_view(widths, 2 * SMOOTH_BLOCKS + 1), axis=1), np.float64)
+
+
+def _decreasing(values: Floats) -> Floats:
+    """Return the nearest values that nowhere increase, (n,): isotonic regression, by its minimax formula.
+
+    A shaft is nowhere thinner than nearer to its tip; where it appears so, both are in error.
+    """
+    count = len(values)
+    sums, at = np.concatenate([[0.0], np.cumsum(values)]), np.arange(count)
+    lengths = at[None, :] - at[:, None] + 1
+    means = np.where(lengths > 0, sums[None, 1:] - sums[:-1, None], -np.inf) / np.maximum(lengths, 1)
+    highest = np.maximum.accumulate(means[:, ::-1], axis=1)[:, ::-1]
+    return np.asarray(np.minimum.accumulate(highest, axis=0).diagonal(), np.float64)
 
 
 def _inverse_depths(counts: Mask, depth_mm: Floats, count: int) -> Floats:

@@ -9,6 +9,7 @@ from pyarrow import parquet
 from haptigraph.analysis.archive.index import update_archive
 from haptigraph.analysis.archive.query import query_archive, staleness
 from haptigraph.analysis.archive.tables import Archive
+from haptigraph.analysis.metrics.replay import recorded_procedure
 from haptigraph.analysis.metrics.run import measure_run
 from haptigraph.assemble import build
 from haptigraph.checksum import sha256_of
@@ -41,9 +42,34 @@ def test_a_row_has_header_hash_outcome_and_times(folder):
         "subretinal_injection", "", False,
     )  # fmt: skip
     ((states,),) = rows(folder, f"select state_s from runs where recording = '{NAMES[0]}'")
-    assert states == measures.all_state_s
+    assert {state: time_s for state, time_s in states.items() if time_s} == measures.all_state_s
     ((hits,),) = rows(folder, "select count(*) from runs where outcome = 'no hit'")
     assert hits == 3  # the shorter ones end before it
+
+
+def test_a_state_that_never_occurred_has_a_time_of_0(folder):
+    update_archive(folder)
+    sql = "select state_s, run_state_s from runs where problem = ''"
+    procedure = recorded_procedure(RunReader(folder / NAMES[0]))
+    names = {state.name for state in procedure.states}
+    found = rows(folder, sql)
+    assert all(set(state_s) == set(run_state_s) == names for state_s, run_state_s in found)
+    assert any(0 in state_s.values() for state_s, _ in found)
+    assert len(found) == 4
+
+
+def test_a_row_has_the_settings_that_were_not_the_default(folder):
+    settings = (
+        f"source.uri={folder / NAMES[0]}",
+        "haptics.max_amplitude=0.5",
+        "run.realtime=false",
+        f'recording.path="{folder / "weak.mcap"}"',
+    )
+    build(load_config(None, settings)).run()
+    update_archive(folder)
+    sql = "select recording from runs where settings like '%haptics.max_amplitude=0.5%'"
+    assert rows(folder, sql) == [("weak.mcap",)]
+    assert rows(folder, "select count(*) from runs where settings like '%recording.path%'") == [(0,)]
 
 
 def test_steps_are_those_of_the_recordings(folder):
@@ -82,7 +108,7 @@ def test_an_index_of_another_version_is_made_again(folder):
     assert not update_archive(folder).is_made_again
     file = folder / "archive" / "runs.parquet"
     table = parquet.read_table(file).drop_columns(["outcome"])
-    parquet.write_table(table.replace_schema_metadata({"haptigraph.archive": "1"}), file)
+    parquet.write_table(table.replace_schema_metadata({"haptigraph.archive": "2"}), file)
     with pytest.raises(
         BadInput, match="of another version of haptigraph; bring it up to date with `haptigraph"
     ):

@@ -52,10 +52,12 @@ def test_columns_say_unit_and_meaning_of_every_column(archive):
     for table in ("runs", "steps"):
         names = query_archive(archive, f"select * from {table} limit 0").columns
         assert sorted(names) == sorted(name for where, name, _ in listed if where == table)
-    assert ("steps", "theta_deg", "°") in listed and ("steps", "theta_sd_deg", "°") in listed
+    assert ("steps", "theta_deg", "deg") in listed and ("steps", "theta_sd_deg", "deg") in listed
     sql = "select meaning from columns where name in ('distance_to_retina_sd_mm', 'needle_tip_sd_mm')"
     assert all(meaning.startswith("standard deviation of") for (meaning,) in query_archive(archive, sql).rows)
     assert not any("_sd_" in name for name in measures_of(archive))
+    sql = "select meaning from columns where name = 'theta_deg'"
+    assert query_archive(archive, sql).rows[0][0].startswith("angle between the shaft and the line")
     assert all(column.meaning for column in RUNS)
 
 

@@ -2,7 +2,11 @@
 
 import csv
 import os
+import pickle
+import re
+import shutil
 import signal
+import sys
 from contextlib import closing
 from multiprocessing import active_children
 
@@ -14,8 +18,9 @@ from haptigraph.analysis.batch.replaying import Moments
 from haptigraph.analysis.batch.report import write_report
 from haptigraph.analysis.exporting.csv_table import run_csv
 from haptigraph.analysis.metrics.replay import replay
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, MissingExtra
 
+RUNS = ("recorded", "replayed")
 NAMES = ["P01/run-0000.mcap", "P02/run-0040.mcap", "P03/run-0080.mcap", "P04/run-0120.mcap"]
 
 
@@ -47,11 +52,22 @@ def test_a_batch_replays_each_recording_as_replay_does(folder, wide, tmp_path):
         assert result["states_differ"] == report.states_differ > 0
         assert result["haptics_differ"] == report.haptics_differ
         assert result["replayed"]["state_s"] == report.replayed.all_state_s
+        assert result["states_differ_s"] == report.states.lasts_s > 0
+        assert result["first_step"] == min(report.states.first_step, report.haptics.first_step)
     lines = write_report(batch, "http://127.0.0.1:1")
     assert lines[0] == "4 recordings, 1 passed over"
+    of_all_s = sum(result["states_differ_s"] for _, result in rows.values())
+    assert lines[1].startswith(f"states differ for {of_all_s:.2f} s in ")
+    changes = [sum(result[run]["state_changes"] for _, result in rows.values()) for run in RUNS]
+    assert f"state changes: {changes[0]} recorded, {changes[1]} replayed; alarms: " in lines[2]
+    assert lines[-1].startswith("passed over: damaged.mcap: ") and "damaged" in lines[-1]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "http://127.0.0.1:1/recordings#P01%2Frun-0000.mcap?step=" in page
-    assert "copy wide.toml into the folder of recordings" in page
+    assert "copy wide.toml into the folder of recordings" in page and "&amp;with=" not in page
+    for name, (_, result) in rows.items():
+        row = re.search(rf">{name}</a></td>(.*?)</tr>", page)[1]
+        assert f"<td>{result['states_differ_s']:.2f} s</td>" in row
+        assert "<td>{} → {}</td>".format(*(result[run]["state_changes"] for run in RUNS)) in row
     with (tmp_path / "out" / "recordings.csv").open(newline="") as file:
         table = {row["recording"]: row for row in csv.DictReader(file)}
     assert list(table) == [*NAMES, "damaged.mcap"]
@@ -93,6 +109,19 @@ def test_what_has_changed_is_done_again_and_what_is_gone_is_removed(folder, tmp_
 
 
 @pytest.mark.usefixtures("in_this_process")
+def test_a_missing_extra_ends_the_batch_and_is_no_result(folder, tmp_path, monkeypatch):
+    batch = Batch("measure", folder, tmp_path / "out")
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "haptigraph.analysis.metrics.trial", None)
+        with pytest.raises(MissingExtra, match=r"pip install 'haptigraph\[study\]'") as missing:
+            run_batch(batch)
+    assert str(pickle.loads(pickle.dumps(missing.value))) == str(missing.value)  # as a worker sends it
+    assert rows_of(batch) == []
+    assert run_batch(batch).now == 5
+    assert [problem != "" for _, problem, _ in rows_of(batch)] == [False, False, False, False, True]
+
+
+@pytest.mark.usefixtures("in_this_process")
 def test_results_of_another_batch_are_not_mixed(folder, wide, tmp_path):
     run_batch(Batch("measure", folder, tmp_path / "out"))
     with pytest.raises(BadInput, match="results of another batch: kind was measure, is replay now"):
@@ -102,10 +131,30 @@ def test_results_of_another_batch_are_not_mixed(folder, wide, tmp_path):
 
 
 @pytest.mark.usefixtures("in_this_process")
+def test_a_procedure_is_the_same_wherever_its_file_is_and_links_compare_once_the_page_has_it(
+    folder, wide, tmp_path
+):
+    for name in NAMES[1:]:
+        (folder / name).unlink()
+    run_batch(Batch("replay", folder, tmp_path / "out", wide))
+    copy = shutil.copy(wide, folder / "wide.toml")
+    for procedure in (wide, str(copy)):
+        again = Batch("replay", folder, tmp_path / "out", procedure)
+        assert run_batch(again).now == 0
+        lines = write_report(again, "http://127.0.0.1:1")
+        assert lines[0] == "1 recording, 1 passed over"
+        page = (tmp_path / "out" / "report.html").read_text()
+        assert "&amp;with=wide.toml" in page and "copy wide.toml" not in page
+    copy.write_text(copy.read_text().replace("= 4.0", "= 5.0"))
+    with pytest.raises(BadInput, match=r"another batch: procedure was sha256 .*, is sha256 "):
+        run_batch(Batch("replay", folder, tmp_path / "out", str(copy)))
+
+
+@pytest.mark.usefixtures("in_this_process")
 def test_an_export_writes_the_table_of_each_recording(folder, tmp_path):
     batch = Batch("export", folder, tmp_path / "out")
     run_batch(batch)
-    run_csv(folder / NAMES[0], tmp_path / "expected.csv")
+    run_csv(folder / NAMES[0], tmp_path / "expected.csv", name=NAMES[0].removesuffix(".mcap"))
     assert (tmp_path / "out" / NAMES[0]).with_suffix(".csv").read_bytes() == (
         tmp_path / "expected.csv"
     ).read_bytes()

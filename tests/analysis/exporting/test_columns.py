@@ -8,6 +8,7 @@ from haptigraph.analysis.exporting.columns import Row, RunTable, unit_of
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.messages import ForceSample, HandState, RobotSample
+from haptigraph.scene.meanings import MEANINGS
 from haptigraph.scene.relations import MEASURES
 
 
@@ -38,6 +39,15 @@ def test_every_column_has_one_name_a_meaning_and_the_unit_of_its_name(table):
     }
     assert units == {"theta_deg": "deg", "stamp_ns": "ns", "time_s": "s", "state": "", "robot_x_mm": "mm"}
     assert unit_of("hand_force_x_n") == "N"
+
+
+def test_a_measure_says_what_it_is_and_between_which_entities(table):
+    assert set(MEANINGS) == set(MEASURES)
+    meaning = (
+        "angle between the shaft and the line trocar -> target, in the image (needle_line, retina_target)"
+    )
+    assert column(table, "theta_deg").meaning == meaning
+    assert "negative beyond" in column(table, "distance_to_retina_mm").meaning
 
 
 def test_every_measure_has_a_unit():

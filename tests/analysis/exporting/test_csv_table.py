@@ -30,6 +30,7 @@ def test_a_table_has_a_row_per_step_and_empty_cells_for_missing_values(recording
         )
         assert bool(row["theta_deg"]) == ("theta_deg" in step.graph.measures)
     assert rows[-1]["faults"] == ""
+    assert {len(row["utc"]) for row in rows} == {len("2026-07-01T09:00:00.000000+00:00")}
     assert {row["theta_deg"] == "" for row in rows} == {True, False}
 
 

@@ -106,6 +106,7 @@ def test_bad_options_are_refused(recording, tmp_path):
     )
     assert "give one recording" in refuse("export", recording, recording, "--xdf", tmp_path / "x.xdf")
     assert "is given twice" in refuse("export", recording, recording, "--format", "csv", "-o", out)
+    assert "is to be a folder" in refuse("export", recording, "--format", "csv", "-o", tmp_path / "out.csv")
     inside = out / "none"
     assert f"{inside}: cannot be written" in refuse("export", recording, "--format", "csv", "-o", inside)
     out.mkdir()

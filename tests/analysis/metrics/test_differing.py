@@ -2,7 +2,7 @@
 
 import json
 
-from haptigraph.analysis.metrics.differing import differing_parts
+from haptigraph.analysis.metrics.differing import differing_parts, largest_difference
 
 
 def parts(before, after):
@@ -33,3 +33,11 @@ def test_a_part_that_one_message_lacks_is_named_by_the_other():
 def test_many_differences_are_counted():
     first, _ = parts({str(n): n for n in range(9)}, {str(n): -1 - n for n in range(9)})
     assert first == "0 0; 1 1; 2 2; 3 3; and 5 more"
+
+
+def test_the_largest_difference_is_that_of_numbers_if_nothing_else_differs():
+    before = {"found": {"tip": (1.0, 2.0)}, "number": 3, "name": "a"}
+    assert largest_difference(before, before) == 0
+    assert largest_difference(before, {**before, "found": {"tip": (1.5, 1.75)}}) == 0.5
+    for other in ({"name": "b"}, {"number": 4}, {"found": {"tip": (1.0,)}}, {"found": {}}, {"more": 1.0}):
+        assert largest_difference(before, {**before, **other}) is None

@@ -139,9 +139,12 @@ def test_nothing_is_overwritten(run, tmp_path):
         paper_figure(run, "timeline", tmp_path / "figure.gif")
 
 
-def test_a_timeline_compares_with_another_procedure(run, tmp_path, kept):
+def test_a_timeline_compares_with_another_procedure(run, procedure, tmp_path, kept):
     paper_figure(run, "timeline", tmp_path / "both.pdf", procedure="subretinal_injection_cautious")
     assert sum("subretinal_injection_cautious" in axes.get_title(loc="left") for axes in kept[-1].axes) == 2
+    (tmp_path / "mine.toml").write_text(procedure.text.replace("= 1.7", "= 3.0"))  # of the same name
+    paper_figure(run, "timeline", tmp_path / "mine.pdf", procedure=str(tmp_path / "mine.toml"))
+    assert sum(axes.get_title(loc="left").endswith(", mine.toml") for axes in kept[-1].axes) == 2
     with pytest.raises(BadInput, match="--procedure goes with --kind timeline"):
         paper_figure(run, "views", tmp_path / "views.pdf", procedure="subretinal_injection_cautious")
     with pytest.raises(BadInput, match="nowhere"):

@@ -11,7 +11,7 @@ from haptigraph.analysis.plots.series import Series, read_series, series_of
 from haptigraph.analysis.plots.timeline import draw_timeline
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
-from haptigraph.messages import Fault
+from haptigraph.messages import OFF, Fault
 from haptigraph.recording.reader import RunReader
 
 
@@ -48,10 +48,10 @@ def test_what_an_output_confirmed_is_drawn_beside_what_was_commanded(series):
     assert drawn(felt)["haptic output"] == ["commanded", "confirmed: 0.75 s"]
 
 
-def drawn(series: Series, other: Series | None = None) -> dict[str, list[str]]:
+def drawn(series: Series, other: Series | None = None, name: str = "replayed") -> dict[str, list[str]]:
     """Return the labels of every panel by its title."""
     figure = Figure()
-    draw_timeline(figure, series, other)
+    draw_timeline(figure, series, other, name)
     return {
         axes.get_title(loc="left").partition("$  ")[2]: axes.get_legend_handles_labels()[1]
         for axes in figure.axes
@@ -90,15 +90,25 @@ def test_a_recording_without_steps_is_refused(tmp_path, quick_uri):
         read_series(reader)
 
 
-def test_another_procedure_is_drawn_below_what_was_recorded(series):
-    wide = series.procedure.text.replace("= 1.7", "= 4.0").replace("subretinal_injection", "wide")
-    other = series_of(series.steps, parse_procedure(wide, "wide.toml"))
-    panels = drawn(series, other)
+def test_another_procedure_is_drawn_below_what_was_recorded_with_a_mark_where_it_differs(series):
+    wide = series.procedure.text.replace("= 1.7", "= 4.0")
+    steps = [*series.steps]
+    state = replace(steps[40].conclusion, state="retinal_contact")
+    steps[40] = replace(steps[40], conclusion=state)
+    steps[60] = replace(steps[60], command=replace(steps[60].command, pattern=OFF))
+    other = series_of(steps, parse_procedure(wide, "wide.toml"))
+    assert steps[40] != series.steps[40] and steps[60] != series.steps[60]
+    panels = drawn(series, other, "wide.toml")
     assert [title for title in panels if "state" in title or "output" in title] == [
         "state, recorded",
-        "state, wide",
+        "state, wide.toml",
         "haptic output, recorded",
-        "haptic output, wide",
+        "haptic output, wide.toml",
     ]
     assert panels["angle"][1:] == ["up to 1.7°", "up to 4° as replayed"]
-    assert drawn(series, series)["angle"][1:] == ["up to 1.7°"]
+    lasts_s = [series.time_s[number + 1] - series.time_s[number] for number in (40, 60)]
+    assert panels["state, wide.toml"] == [f"differs: {lasts_s[0]:.2f} s"]
+    assert panels["haptic output, wide.toml"] == ["commanded", f"differs: {lasts_s[1]:.2f} s"]
+    same = drawn(series, series)
+    assert same["angle"][1:] == ["up to 1.7°"]
+    assert not any("differs" in label for labels in same.values() for label in labels)

@@ -36,6 +36,27 @@ def test_an_archive_is_indexed_and_queried(folder):
     assert list(csv.reader(io.StringIO(text))) == [["recording", "steps"], ["run.mcap", "117"]]
 
 
+def test_csv_has_a_column_for_each_key_of_a_map(folder):
+    call("archive", folder, "--workers", 1)
+    sql = "select recording, state_s, problem from runs order by recording"
+    text = call("query", "--archive", folder, "--csv", sql).stdout
+    notes, run = csv.DictReader(io.StringIO(text))
+    assert notes["state_s.retinal_contact"] == "" and notes["problem"]
+    assert float(run["state_s.aligned_retinal_approach"]) > 0
+    none = call("query", "--archive", folder, "--csv", f"{sql} limit 0").stdout
+    assert none.splitlines() == ["recording,state_s,problem"]
+
+
+def test_rows_too_wide_for_a_table_are_lists(folder):
+    call("archive", folder, "--workers", 1)
+    lines = call("query", "--archive", folder, "from runs order by recording").stdout.splitlines()
+    assert lines[0].split() == ["recording", "notes.mcap"]
+    (states,) = (line for line in lines if line.startswith("state_s  ") and "outside_eye" in line)
+    assert "{" not in states
+    assert max(map(len, states.split())) < 40  # no number of 16 digits
+    assert lines[-1] == "(2 rows)"
+
+
 def test_a_query_says_that_the_index_is_out_of_date(folder, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("archive"))
@@ -71,8 +92,9 @@ def test_refusals_are_one_sentence(folder, tmp_path):
 def test_a_batch_reports_and_is_resumed(folder, tmp_path):
     arguments = ("batch", "replay", folder, "-o", tmp_path / "out", "--workers", 1)
     text = call(*arguments, "--page", "http://lab:1").output
-    assert "2 recordings now" in text and "1 recordings, 1 passed over" in text
-    assert "states differ in 0 of 117 steps, haptic output in 0; 117 steps are identical" in text
+    assert "2 recordings now" in text and "1 recording, 1 passed over" in text
+    assert "states differ for 0.00 s in 0 of 117 steps, haptic output for 0.00 s in 0" in text
+    assert "117 of 117 steps identical\n" in text
     assert "haptigraph live --recordings" in text
     assert "0 recordings now" in call(*arguments).output
     assert "Remember" not in (tmp_path / "out" / "report.html").read_text()

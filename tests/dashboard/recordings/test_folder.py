@@ -152,6 +152,11 @@ def test_a_missing_folder_is_refused(quick, tmp_path):
         assert "is no folder" in line and str(Path(folder)) in line
 
 
+def test_without_a_source_the_address_of_the_recordings_is_printed(recordings):
+    with Live("--recordings", recordings, "--no-browser") as live:
+        assert f"haptigraph: the recordings are at {live.url}recordings; " in "".join(live.lines)
+
+
 def test_a_recording_of_version_0_1_is_listed_drawn_and_exported(quick_uri):
     with Live(quick_uri, "--recordings", DATA / "v0_1") as live:
         (row,) = json.loads(get(live, "/recordings/list")[1])["runs"]

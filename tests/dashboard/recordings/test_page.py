@@ -15,6 +15,7 @@ from haptigraph import assemble
 from haptigraph.analysis.archive.index import update_archive
 from haptigraph.analysis.metrics.replay import replay
 from haptigraph.analysis.metrics.run import measure_run
+from haptigraph.analysis.paper.figure import paper_figure
 from haptigraph.analysis.plots.figures import run_figure
 from haptigraph.config import load_config
 from haptigraph.perception.eye_view import IoctView
@@ -118,7 +119,7 @@ def test_seeking_shows_image_state_and_graph_of_the_recorded_step(archive, open_
         capture, step = records[number]
         assert page.inner_text("#state").lower() == step.conclusion.state.replace("_", " ")
         assert page.inner_text("#because").lower().startswith(step.conclusion.because.lower())
-        assert f"step {number} of {len(records) - 1}" in page.inner_text("#now")
+        assert page.inner_text("#now").endswith(f" s · step {number}")
         predicates = [predicate for text in page.evaluate(HOLDS) for predicate in text.split(" · ")]
         assert sorted(predicates) == sorted(edge.predicate for edge in step.graph.edges)
         shown = np.reshape(evaluate(page, PIXELS, MODULE), (SMALL, SMALL))
@@ -260,6 +261,21 @@ def test_the_png_is_the_figure_of_the_run(archive, open_page, recordings, tmp_pa
     assert np.array_equal(shown, drawn)
 
 
+@pytest.mark.slow
+def test_the_png_of_a_comparison_shows_both(archive, open_page, recordings, tmp_path):
+    address = f"{archive.url}recordings#quick.mcap?with=wide.toml"
+    page = open_page(address, module=MODULE, ready="document.body.dataset.step === '0'")
+    page.wait_for_selector("#verdict:has-text('With wide.toml')", timeout=60_000)
+    page.wait_for_selector("#png", state="visible")
+    with page.expect_download(timeout=100_000) as download:
+        page.click("#png")
+    assert download.value.suggested_filename == "quick-wide.png"
+    figure = tmp_path / "compared.png"
+    paper_figure(recordings / "quick.mcap", "timeline", figure, procedure=str(recordings / "wide.toml"))
+    shown, drawn = (cv2.imread(str(path)) for path in (download.value.path(), figure))
+    assert np.array_equal(shown, drawn)
+
+
 @pytest.mark.parametrize("size", [(1366, 768), pytest.param((1920, 1080), marks=pytest.mark.slow)])
 def test_everything_is_on_one_screen(archive, open_page, size):
     page = open_run(open_page, archive, size=size)
@@ -319,11 +335,34 @@ def test_a_deleted_recording_is_reported(quick_uri, open_page, recordings, tmp_p
         close_page(page)
 
 
-def test_an_address_names_a_step_and_a_procedure_to_compare_with(archive, open_page):
+@pytest.mark.parametrize("size", [(1366, 768), (390, 844)])
+def test_an_address_names_a_step_and_a_procedure_to_compare_with(archive, open_page, size):
     address = f"{archive.url}recordings#quick.mcap?step=40&with=wide.toml"
-    page = open_page(address, module=MODULE, ready="document.body.dataset.step === '40'")
-    assert "With wide.toml the state differs in" in page.inner_text("#verdict")
-    assert "step 40 of" in page.inner_text("#now")
+    page = open_page(address, module=MODULE, ready="document.body.dataset.step === '40'", size=size)
+    page.wait_for_selector("#verdict:has-text('With wide.toml the state differs in')", timeout=60_000)
+    assert page.inner_text("#now").endswith("step 40")
+    assert page.input_value("#other") == "wide.toml"
+    assert page.evaluate("scrollY") == 0 and page.evaluate("document.querySelector('#events .now') !== null")
+
+
+def test_the_address_keeps_what_is_chosen_on_the_page(archive, open_page):
+    page = open_run(open_page, archive)
+    until(page, "location.hash === '#quick.mcap?step=0'", module=MODULE)
+    page.select_option("#other", "wide.toml")
+    page.click("#compare")
+    page.wait_for_selector("#verdict:not([hidden])", timeout=60_000)
+    page.keyboard.press("ArrowRight")
+    until(page, "location.hash === '#quick.mcap?step=1&with=wide.toml'", module=MODULE)
+    page.reload()
+    page.wait_for_selector("#verdict:has-text('With wide.toml')", timeout=60_000)
+    wait_for_step(page, 1)
+    page.select_option("#other", "")
+    page.click("#compare")
+    page.wait_for_selector("#verdict:has-text('are identical')", timeout=60_000)
+    until(page, "location.hash === '#quick.mcap?step=1&with='", module=MODULE)
+    page.click("#back")
+    page.wait_for_selector("#list:not([hidden])")
+    assert page.evaluate("location.hash") == ""
 
 
 @pytest.mark.slow  # `make test` finds them in test_folder.py

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from depth import results_of
 from helpers import mostly_slow
 from msgspec.structs import replace
 from paths import DATA
@@ -12,6 +13,7 @@ from haptigraph import assemble
 from haptigraph.config import load_config
 from haptigraph.geometry import Segment
 from haptigraph.messages import DepthImage
+from haptigraph.perception.depth.perceiver import DepthPerceiver
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
@@ -60,6 +62,22 @@ def test_the_shaft_in_space_is_where_the_truth_says(tilt_deg, settings):
     assert abs(found.end_z_mm - true.end_z_mm) < 3 * sd_mm
     assert math.dist(found.end_mm, true.end_mm) < 0.25
     assert sd_mm < 0.5
+
+
+@pytest.mark.parametrize(("number", "seed"), [(54, 1), (172, 2)])
+def test_depths_near_a_thin_tip_that_are_partly_the_backgrounds_do_not_turn_the_shaft(number, seed):
+    reported = [each for each in results_of(number, seed) if not math.isnan(each.angle_error_deg)]
+    assert all(abs(each.angle_error_deg) < 2.0 for each in reported)
+
+
+def test_an_uncertain_tip_in_the_image_is_uncertain_out_of_the_section_where_the_shaft_leans():
+    captures, observations, _ = played(scenario(-25.0), STATED)
+    registration = parse_registration(Phantom(scenario(-25.0)).registration, "deep")
+    certainty = replace(observations[-1].certainty, tip_sd_mm=1.0)
+    known = replace(observations[-1], certainty=certainty)
+    perceive = DepthPerceiver(lambda _: known, registration, registration.depth, SHAPE_MM)
+    before, after = observations[-1].sd_mm["needle_3d"], perceive(captures[-1]).sd_mm["needle_3d"]
+    assert after**2 - before**2 == pytest.approx(math.tan(math.radians(25.0)) ** 2, rel=0.1)
 
 
 def test_a_stated_needle_is_known_better():

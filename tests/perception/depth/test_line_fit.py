@@ -53,3 +53,19 @@ def test_too_few_samples_and_what_is_on_no_line_are_refused():
     at = np.arange(30.0)
     assert robust_line(at[: MIN_SAMPLES - 1], at[: MIN_SAMPLES - 1], SD, none(MIN_SAMPLES - 1)) is None
     assert robust_line(at, 5 * np.sin(at), SD, none(30)) is None
+
+
+def test_one_sample_that_the_others_cannot_check_decides_nothing():
+    at = np.array([0.0, 1.0, 2.0, 20.0])
+    assert robust_line(at, 0.1 * at, SD, none(4)) is None
+    assert robust_line(np.append(at, 19.0), 0.1 * np.append(at, 19.0), SD, none(5)) is not None
+
+
+def test_what_one_part_errs_by_hardly_turns_a_line_that_the_other_part_shows():
+    at = np.arange(20.0)
+    is_far = at >= 14
+    off = np.where(is_far, 5 * SD, 0.0)
+    fit = robust_line(at, 0.1 * at + 0.6 * off, SD, off[None, :])
+    assert fit is not None
+    assert abs(fit.answer[1] - 0.1) < 2 * np.sqrt(fit.covariance[1, 1])
+    assert abs(fit.answer[1] - 0.1) < 0.6 * abs(np.polyfit(at, 0.6 * off, 1)[0])

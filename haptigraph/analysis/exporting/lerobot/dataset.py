@@ -145,11 +145,11 @@ class _Dataset:
         video, from_s = self._videos.begin_episode()
         images, times_s = ImageStatistics(), list[float]()
         values: dict[str, list[Sequence[Any]]] = {feature.name: [] for feature in self._survey.features}
-        is_simulated = is_simulated(table.reader.info.source)
+        has_truth = False
         for row in table.rows(images=True):
             self._videos.add(self._picture(table, row, images))
             times_s.append((row.step.stamp_ns - row.start_ns) / 1e9)
-            is_simulated |= row.capture.truth is not None
+            has_truth |= row.capture.truth is not None
             for feature in self._survey.features:
                 values[feature.name].append(feature.values(row))
             self._progress("writing", self._written + len(times_s), self._survey.steps)
@@ -178,7 +178,8 @@ class _Dataset:
             "meta/episodes/chunk_index": 0,
             "meta/episodes/file_index": 0,
         }
-        self._episodes.append(_Episode(about, statistics, _source(table, is_simulated=is_simulated)))
+        simulated = has_truth or is_simulated(table.reader.info.source)
+        self._episodes.append(_Episode(about, statistics, _source(table, is_simulated=simulated)))
         self._written += len(times_s)
 
     def write_about(self) -> None:

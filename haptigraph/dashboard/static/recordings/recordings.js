@@ -16,12 +16,15 @@ const player = new Player(showStep, (isPlaying) => { $("play").textContent = isP
 const timeline = new Timeline($("timeline"), $("lanes"), (time_ms) => player.seekTime(time_ms));
 const events = new Events((number) => { player.pause(); player.seek(number); });
 /** The page's state; tests read it. */
-export const page = { run: /** @type {RecordedRun | null} */ (null), moment, timeline, player };
+export const page = { run: /** @type {RecordedRun | null} */ (null), applied: /** @type {string | null} */ (null), moment, timeline, player };
+const ADDRESS_MS = 250;  // after the last change; browsers ignore addresses that change too often
+/** Will write the address. */ let writing = 0;
 /** Aborts the job that runs for this page. @type {AbortController | null} */ let job = null;
 
 /** Show what the address names, #NAME?step=NUMBER&with=PROCEDURE: a run, a step, a comparison; or the list. */
 async function navigate() {
   job?.abort();
+  clearTimeout(writing);
   complain(null);
   const [address, query] = location.hash.slice(1).split("?"), name = decodeURIComponent(address), given = new URLSearchParams(query);
   $("list").hidden = Boolean(name);
@@ -39,14 +42,30 @@ async function navigate() {
 async function follow(given) {
   const { run } = page, procedure = given.get("with");
   if (!run) return;
-  if (procedure) await compareWith(run, procedure);
   if (given.has("step")) player.seek(Number(given.get("step")));
+  if (procedure !== null) await compareWith(run, procedure);
 }
 
-/** Replay the run under a procedure, and show both. @param {RecordedRun} run @param {string} procedure */
+/** Let the address name what is shown: run, step, and the procedure of a comparison. */
+function keepAddress() {
+  clearTimeout(writing);
+  writing = setTimeout(() => {
+    if (!page.run || job) return;  // a job may still show more
+    const given = new URLSearchParams({ step: String(player.number), ...(page.applied === null ? {} : { with: page.applied }) });
+    history.replaceState(null, "", `#${encodeURIComponent(moment.name)}?${given}`);
+  }, ADDRESS_MS);
+}
+
+/** Replay the run under a procedure, and show both. @param {RecordedRun} run @param {string} procedure empty: the recorded one */
 async function compareWith(run, procedure) {
   compare(run, null);
-  await runJob("Replaying", "compare", { name: moment.name, procedure }, (content, bytes) => compare(run, new Run(content, bytes, content.state_descriptions)));
+  const select = $("other"), isOffered = [...select.options].some(({ value }) => value === procedure);
+  if (!isOffered) select.append(make("option", { value: procedure, textContent: procedure }));
+  select.value = procedure;
+  await runJob("Replaying", "compare", { name: moment.name, procedure }, (content, bytes) => {
+    compare(run, new Run(content, bytes, content.state_descriptions));
+    page.applied = procedure;
+  });
 }
 
 async function open(/** @type {string} */ name) {
@@ -81,6 +100,7 @@ function begin(/** @type {string} */ name, /** @type {RecordedRun} */ run) {
 /** Compare the run with itself under another procedure. @param {RecordedRun} run @param {ComparedRun | null} other null: no comparison */
 function compare(run, other) {
   moment.other = other;
+  page.applied = null;
   timeline.compare(other);
   showMeasures(run, other);
   events.begin(run, other, timeline.differences);
@@ -105,13 +125,14 @@ function showVerdict(/** @type {string} */ text) {
 function showStep(/** @type {number} */ number) {
   const { run } = page;
   if (!run) return;
-  const text = `${(run.time_ms[number] / 1000).toFixed(3)} s of ${(run.end_ms / 1000).toFixed(1)} s · step ${number} of ${run.length - 1}`;
+  const text = `${(run.time_ms[number] / 1000).toFixed(3)} s of ${(run.end_ms / 1000).toFixed(1)} s · step ${number}`;
   $("now").textContent = text;
   $("timeline").setAttribute("aria-valuenow", String(number));
   $("timeline").setAttribute("aria-valuetext", `${text}, ${run.stateAt(number).replaceAll("_", " ")}`);
   timeline.show(number);
   events.show(number);
   moment.show(number);
+  keepAddress();
 }
 
 /** Run a job on the server and show its progress.
@@ -139,18 +160,20 @@ async function runJob(title, name, parameters, onMessage) {
       job = null;
       $("work").hidden = true;
       $("tools").hidden = !page.run;
+      keepAddress();
     }
   }
 }
 
 async function save(/** @type {"csv" | "png"} */ kind, /** @type {string} */ type) {
   const parts = /** @type {Uint8Array<ArrayBuffer>[]} */ ([]);
-  const { name } = moment;
-  await runJob(`Creating ${kind.toUpperCase()}`, kind, { name }, (content, bytes) => {
+  const { name } = moment, procedure = (kind === "png" && page.applied) || "";
+  const given = /** @type {Record<string, string>} */ (procedure ? { name, procedure } : { name }), ending = procedure && `-${procedure.replace(/\.toml$/, "")}`;
+  await runJob(`Creating ${kind.toUpperCase()}`, kind, given, (content, bytes) => {
     if (content.type === "part") parts.push(bytes);
     if (content.type !== "complete") return;
     const href = URL.createObjectURL(new Blob(parts, { type })), stem = name.split("/").at(-1)?.replace(/\.mcap$/, "");
-    make("a", { href, download: `${stem}.${kind}` }).click();
+    make("a", { href, download: `${stem}${ending}.${kind}` }).click();
     setTimeout(() => URL.revokeObjectURL(href), 60_000);
   });
 }

@@ -96,6 +96,12 @@ export class Events {
     items[this.current]?.classList.remove("now");
     this.current = current;
     items[current]?.classList.add("now");
-    items[current]?.scrollIntoView({ block: "nearest" });
+    if (items[current]) scrollInside($("events"), items[current]);
   }
+}
+
+/** Scroll a list, not the page, until an item is visible. @param {HTMLElement} list @param {Element} item */
+function scrollInside(list, item) {
+  const shown = list.getBoundingClientRect(), at = item.getBoundingClientRect();
+  list.scrollTop += Math.min(at.top - shown.top, 0) + Math.max(at.bottom - shown.bottom, 0);
 }
