@@ -10,6 +10,7 @@ import pytest
 from helpers import call, refuse
 from msgspec.structs import replace
 
+import haptigraph
 from haptigraph.assemble import load_procedure
 from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
@@ -209,6 +210,20 @@ def test_recover_repairs_a_truncated_recording(recording, tmp_path):
     assert RunReader(truncated).is_whole
     assert "is complete\n" in call("recover", truncated).output
     assert "steps identical" in call("replay", truncated).output
+
+
+def test_a_broken_claim_is_printed_behind_the_state_of_its_step(quick_uri, tmp_path):
+    text = Path(haptigraph.__file__).with_name("procedures").joinpath("subretinal_injection.toml").read_text()
+    strict = tmp_path / "strict.toml"
+    strict.write_text(text.replace("most_changes = 6", "most_changes = 1"))
+    lines = call("run", quick_uri, "--fast", "--procedure", strict).output.splitlines()
+    broken = [number for number, line in enumerate(lines) if "! violated: " in line]
+    assert broken
+    for number in broken:
+        following = [
+            line for line in lines[number + 1 :] if line.startswith(lines[number].split(" s ")[0] + " s ")
+        ]
+        assert all("! violated: " in line for line in following)
 
 
 def test_a_recorder_that_failed_is_reported_by_every_command(quick_uri, tmp_path, monkeypatch):

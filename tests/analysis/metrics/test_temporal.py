@@ -12,6 +12,7 @@ from haptigraph.analysis.metrics.temporal import Monitor, claim_lines
 from haptigraph.graph import Node, SceneGraph, Triplet
 from haptigraph.inference.claims import Temporal
 from haptigraph.messages import OFF, Step, Timing
+from haptigraph.run_report import RunReport
 
 TIP, RETINA = "needle_tip", "retina_surface"
 CONTACT = (TIP, "touching", RETINA)
@@ -120,3 +121,13 @@ def test_premises_may_concern_entities(late):
     result = watch(lost, first, second).result
     assert result.broken == 1
     assert result.most == 60.0
+
+
+def test_a_run_that_is_slower_than_real_time_says_by_how_much(procedure):
+    report = RunReport(steps=700, duration_s=100.0, wall_s=100.0)
+    assert "slower" not in summary(RunMeasures.under(procedure), report)
+    for _ in range(700):
+        report.add_late(110_000_000)
+    text = summary(RunMeasures.under(procedure), report)
+    assert "pace            slower than real time: 23.0 s of images took 100.0 s\n" in text
+    assert "700 late" in text

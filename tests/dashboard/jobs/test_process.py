@@ -28,6 +28,7 @@ def test_a_job_runs_in_its_folder_and_reports_progress(recordings):
     *before, last = run_in_thread(answers(Jobs(recordings), "timeline", "quick.mcap"))
     assert {each["type"] for each in before} == {"progress", "places"}
     assert last["type"] == "timeline"
+    assert last["has_truth"]
 
 
 def test_a_job_imports_from_where_its_parent_does(quick_uri, tmp_path, monkeypatch):
