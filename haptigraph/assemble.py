@@ -112,17 +112,16 @@ def build(
         pipeline = build_pipeline(config, registration, procedure)
         texts = robot_setup, profile_text, own_classes(config, {*PERCEIVERS, *SOURCES, *DEVICES})
         info = run_info(config, source, registration, procedure, clock, __version__, *texts)
-        measures = procedure.schema.measure_names
         video = _load("haptigraph.sources.naming:video_to_store")(config, SOURCES)
         writer = None
         if path := config.recording.path:
             run_writer = _load("haptigraph.recording.writer:RunWriter")
-            writer = run_writer(path, info, registration.image, measures, video)
+            writer = run_writer(path, info, registration.image, procedure.schema.measure_names, video)
             undo.callback(writer.discard)
         bridges = []
         if config.run.bridges:
             context = _load("haptigraph.bridges.bridge:RunContext")
-            run = context(info, registration.image, measures, clock, source.teleop)
+            run = context(info, registration.image, procedure.schema.measure_names, clock, source.teleop)
             bridges = _load("haptigraph.bridges.opening:open_bridges")(config.run.bridges, run)
             undo.callback(lambda: [bridge.close() for bridge in bridges])
         leaders = _load("haptigraph.teleop.leaders.opening:steered")(config, source.teleop, clock)
@@ -244,8 +243,8 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
     given = {"clock": clock} if is_own and is_live(kind) else options.get(kind, {})
     source: Source = _named(SOURCES, "source", kind)(argument, **given)
     check_members(source, Source, f"source {kind}" if is_own else f"source {kind} ({SOURCES[kind]})")
-    if is_own and source.is_live != is_live(kind):
-        raise BadInput(f"source {kind}: is_live is {source.is_live}; set it on the class, not on the object")
+    if is_own:
+        source = _load("haptigraph.run_own:OwnSource")(kind, source, is_live=is_live(kind))
     if settings.crop_px and kind != "oct":  # which crops by itself
         source = _load("haptigraph.sources.oct.crop:CropSource")(source, settings.crop_px, settings.uri)
     if settings.turn != UPRIGHT:
@@ -291,6 +290,8 @@ def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Pro
     _load("haptigraph.registration.oct:check_fits")(name, perceiver.images, registration)
     _load("haptigraph.inference.coverage:check_margins")(procedure, name, perceiver)
     perceive: Perceiver = perceiver(registration.frontal, config.perception)
+    if name not in PERCEIVERS:
+        perceive = _load("haptigraph.run_own:OwnPerceiver")(name, perceiver, registration.anatomy, perceive)
     if (tilt := registration.image.frontal_from_image) is not None:
         tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")
         perceive = tilt_corrected(perceive, registration, tilt)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import IO, Any
 
-__all__ = ["obey_sigterm_only", "pipe_of", "program_of", "raise_priority", "start_child"]
+__all__ = ["child_environment", "obey_sigterm_only", "pipe_of", "program_of", "raise_priority", "start_child"]
 
 PRIORITY = 10
 
@@ -19,6 +19,11 @@ PRIORITY = 10
 def program_of(module: str) -> list[str]:
     """Return the command that runs a module of ours."""
     return [sys.executable, "-P", "-m", module]
+
+
+def child_environment() -> dict[str, str]:
+    """Return the environment of a child that imports from where this process does."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
 
 
 def start_child(command: Sequence[str]) -> "subprocess.Popen[bytes]":
@@ -34,7 +39,7 @@ def start_child(command: Sequence[str]) -> "subprocess.Popen[bytes]":
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         bufsize=0,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)},
+        env=child_environment(),
         start_new_session=True,
     )
 

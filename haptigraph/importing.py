@@ -70,7 +70,10 @@ def load_own(what: str, name: str, shipped: Iterable[str] = ()) -> Any:
     except Exception as error:
         if isinstance(error, ModuleNotFoundError) and f"{module_name}.".startswith(f"{error.name}."):
             names = f"; {what}s that ship: {', '.join(sorted(shipped))}" if shipped else ""
-            hint = f"install it, or start `python -m haptigraph` in its folder{names}"
+            hint = (
+                "install it, name its folder in PYTHONPATH, or start `python -m haptigraph` in its folder"
+                f"{names}"
+            )
             problem = f"Python finds no module {error.name!r}; {hint}"
         else:
             problem = f"importing {module_name!r} fails ({type(error).__name__}: {error})"

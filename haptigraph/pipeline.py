@@ -310,7 +310,7 @@ class Loop:
             self._start_ns = now_ns - capture.stamp_ns
         late_ns = now_ns - self._start_ns - capture.stamp_ns
         if late_ns > 0:
-            self.report.overruns += 1
+            self.report.add_late(late_ns)
             self._start_ns += late_ns
         due_ns = self._start_ns + capture.stamp_ns
         self._clock.wait_until(due_ns)

@@ -47,6 +47,8 @@ class RunReport(Struct, ShownAsHtml):
     wall_s: float = 0.0
     overruns: int = 0
     """Images that were due before the loop was ready for them."""
+    slipped_s: float = 0.0
+    """How much longer than its own time a source took because of them."""
     skipped: int = 0
     """Images of a live source that the loop was too slow to process."""
     dropped: int = 0
@@ -77,6 +79,11 @@ class RunReport(Struct, ShownAsHtml):
         """Note what the registration assumes, the limit of the amplitude, and whether the device confirms."""
         self.assumed, self.is_output_off = assumed, haptics.max_amplitude == 0
         self.confirmed_s = {haptics.device: 0.0} if confirms(haptics.device) else {}
+
+    def add_late(self, late_ns: int) -> None:
+        """Count an image that was late, and moves those after it."""
+        self.overruns += 1
+        self.slipped_s += late_ns / 1e9
 
     def add_confirmed(self, periods: Iterable[Delivered]) -> None:
         """Add periods for which an output confirmed that it vibrated."""

@@ -151,7 +151,8 @@ def recover(recording: str) -> None:
     """Verify RECORDING, and repair it if it was interrupted or damaged.
 
     An interrupted recording is completed in place. What can be read of a damaged one is saved beside it, in
-    NAME.recovered.mcap; RECORDING itself is not touched, and the exit code is 1.
+    NAME.recovered.mcap; RECORDING itself is not touched, and the exit code is 1. It is 1, too, if the
+    recorder had failed: the steps after that are lost.
     """
     from haptigraph.recording.recovery import recover as repair
 
@@ -159,7 +160,7 @@ def recover(recording: str) -> None:
         recovery = repair(Path(recording), progress)
     for line in _recovery_lines(recovery):
         click.echo(line)
-    if not recovery.is_lossless:
+    if not recovery.is_lossless or recovery.failure:
         sys.exit(1)
 
 
@@ -169,14 +170,15 @@ def _recovery_lines(recovery: "Recovery") -> list[str]:
 
     path, lines = recovery.path, list[str]()
     if recovery.saved is None and recovery.is_lossless:
-        lines.append(f"{path} is complete")
+        lines.append(f"{path} {'can be read' if recovery.failure else 'is complete'}")
     elif recovery.saved is None:
         lines.append(f"{path} was recovered: {recovery.steps} complete steps")
         lines.append(losses_sentence(recovery.losses()))
     elif recovery.is_lossless:
         torn = f"; {recovery.left_out_bytes} bytes of an incomplete record are left out"
         lines.append(
-            f"{path} is complete again: {recovery.steps} steps{torn if recovery.left_out_bytes else ''}"
+            f"{path} can be read again up to its end: {recovery.steps} steps"
+            f"{torn if recovery.left_out_bytes else ''}"
         )
     else:
         left_out = f"{recovery.left_out_bytes} bytes are left out" if recovery.lost else "steps are missing"
@@ -188,6 +190,8 @@ def _recovery_lines(recovery: "Recovery") -> list[str]:
             lines.append(f"  and {len(recovery.lost) - MAX_PLACES} more places")
         lines.append(losses_sentence(recovery.losses()))
         lines.append(f"{recovery.steps} complete steps are saved in {recovery.saved}; {path} is unchanged")
+    if recovery.failure and recovery.is_lossless:
+        lines.append(recovery.failure)
     if not recovery.is_verified:
         lines.append("its format has no checksum for each message: changed numbers cannot be noticed")
     lines += [f"removed {copy}, an unfinished copy" for copy in recovery.removed]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from haptigraph.inference.procedure import Procedure
     from haptigraph.pipeline import Loop
     from haptigraph.recording.writer import Progress
+    from haptigraph.sinks.console import ConsoleSink
     from haptigraph.stages import Sink
 
 __all__ = ["demo", "run", "run_loop"]
@@ -43,7 +44,8 @@ def run(config: str | None, realtime: bool | None, **given: object) -> None:
     video, a DICOM file, a folder of images or a recording; `haptigraph sources` lists them all. Without one,
     and as `phantom`, it is the simulated operator of the scenario align_then_approach. Options of a source
     are settings: --set source.rate_hz=60. Cameras and the phantom run in real time, files as fast as
-    possible unless a device vibrates or a page shows them. Ctrl-C ends the run and prints its summary.
+    possible unless a device vibrates or a page shows them. If the machine is too slow, the phantom and files
+    play slower than real time; the summary says so. Ctrl-C ends the run and prints its summary.
     """
     from haptigraph.config import load_config
 
@@ -139,7 +141,7 @@ def run_loop(
                 show_page(page, opens=opens_browser)
             for note in loop.notes:
                 print_status(note)
-            failure = _run_to_end(loop, measures)
+            failure = _run_to_end(loop, measures, console)
             if loop.report.steps or failure is None:
                 click.echo(f"\n{summary(measures, loop.report)}")
             if config.recording.path and loop.report.steps:
@@ -179,14 +181,15 @@ def _raise_last(*problems: HaptigraphError | None) -> None:
         raise raised[-1]
 
 
-def _run_to_end(loop: "Loop", measures: "RunMeasures") -> HaptigraphError | None:
+def _run_to_end(loop: "Loop", measures: "RunMeasures", console: "ConsoleSink") -> HaptigraphError | None:
     """Run a loop until its source, the user or an error ends it; return the error."""
     try:
         with closing(loop.steps()) as steps:
             for step in steps:
                 measures.add(step)
                 for claim in measures.just_broken:
-                    print_status(f"{(step.stamp_ns - measures.first_ns) / 1e9:7.2f} s  ! violated: {claim}")
+                    time_s = (step.stamp_ns - measures.first_ns) / 1e9
+                    console.print_line(f"{time_s:7.2f} s  ! violated: {claim}")
     except KeyboardInterrupt:
         loop.report.ended = "interrupted"
     except HaptigraphError as error:

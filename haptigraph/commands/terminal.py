@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -21,6 +22,7 @@ __all__ = ["can_open_browser", "print_status", "progress_bar", "show_page", "ter
 
 OPENER = "haptigraph-browser"
 SSH = ("SSH_CONNECTION", "SSH_TTY")
+LINE_S = 10.0
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
@@ -49,7 +51,10 @@ def terminable() -> Iterator[None]:
 
 @contextmanager
 def progress_bar() -> Iterator["Progress"]:
-    """Show a progress bar in a terminal, from the first report of progress on."""
+    """Show a progress bar in a terminal, or else print a line now and then; nothing without reports."""
+    if not sys.stderr.isatty():
+        yield _progress_lines()
+        return
     bar = cache(_bar)  # which takes long to load, and most runs report no progress
     tasks: dict[str, Any] = {}
 
@@ -66,6 +71,19 @@ def progress_bar() -> Iterator["Progress"]:
         with suppress(OSError):
             if bar.cache_info().currsize:
                 bar().stop()
+
+
+def _progress_lines() -> "Progress":
+    """Return a report of progress that prints a line every `LINE_S` of work."""
+    printed_s: dict[str, float] = {}
+
+    def report(what: str, done: int, total: int) -> None:
+        now_s = time.monotonic()
+        if now_s - printed_s.setdefault(what, now_s) >= LINE_S:
+            printed_s[what] = now_s
+            print_status(f"{what}: {done} of {total}")
+
+    return report
 
 
 def _bar() -> "Bar":

@@ -48,6 +48,9 @@ class RuleEngine:
         }
         self._rules = [self._compile(state) for state in procedure.states]
         self._states = [(state, tuple(Triplet(*names) for names in state.when)) for state in procedure.states]
+        self._with_margin = {
+            state.name: _measures_with_margin(procedure, state) for state in procedure.states
+        }
         self._cache: dict[Scene, int] = {}
         self._last: tuple[Scene | None, int] = None, 0
         followed = {
@@ -93,7 +96,7 @@ class RuleEngine:
             priority=priority,
             feel=state.feel,
             forces=state.force,
-            because=_because(state, graph),
+            because=_because(state, graph, self._with_margin[state.name]),
             evidence=evidence,
             measures=self._measures(state.name, graph),
         )
@@ -174,9 +177,20 @@ def without_time(procedure: Procedure) -> Procedure:
     return replace(procedure, states=states)
 
 
-def _because(state: State, graph: SceneGraph) -> str:
-    """Fill the measures of a graph into the sentence of a state."""
+def _measures_with_margin(procedure: Procedure, state: State) -> tuple[str, ...]:
+    """Return the measures whose standard deviations decide whether the rule of a state fits."""
+    relations = {relation.names: relation for relation in procedure.schema.relations}
+    used = (relations[names] for names in state.when)
+    return tuple(dict.fromkeys(procedure.schema.measure_name(each) for each in used if each.margin_sd))
+
+
+def _because(state: State, graph: SceneGraph, with_margin: tuple[str, ...]) -> str:
+    """Fill the measures of a graph into the sentence of a state; say which standard deviations it lacks."""
     try:
-        return state.because.format_map(graph.measures)
+        because = state.because.format_map(graph.measures)
     except KeyError:
-        return state.because.format_map(_Measures(graph.measures))
+        because = state.because.format_map(_Measures(graph.measures))
+    unknown = [name for name in with_margin if name in graph.measures and name not in graph.sds]
+    if not unknown:
+        return because
+    return f"{because}; it cannot be excluded: the standard deviation of {', '.join(unknown)} is unknown"

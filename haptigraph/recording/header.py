@@ -1,20 +1,26 @@
 """The metadata records of a recording: its header with a checksum, and what a recovery had to leave out."""
 
 import hashlib
+import os
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
+from mcap.opcode import Opcode
 from mcap.records import Metadata
 from msgspec import Struct
 
 from haptigraph.errors import BadInput
+from haptigraph.recording.records import DAMAGE, parse_record
 from haptigraph.recording.schema import READABLE, UNCHECKED, RunInfo
 
 __all__ = [
     "Losses",
+    "failure_losses",
     "header_record",
     "is_header",
     "is_losses",
+    "losses_at_end",
     "losses_record",
     "losses_sentence",
     "read_header",
@@ -24,6 +30,7 @@ __all__ = [
 HEADER = "haptigraph"
 LOSSES = "haptigraph.recovery"
 DIGEST = "sha256"
+MAX_LOSSES_BYTES = 8192
 
 
 class Losses(Struct, frozen=True):
@@ -35,6 +42,8 @@ class Losses(Struct, frozen=True):
     """Where the original was damaged."""
     images: str = ""
     """How many images are missing, because their video is; empty: none."""
+    failure: str = ""
+    """Why and after which step its recorder failed, although the run went on; empty: it did not."""
 
 
 def header_record(info: RunInfo) -> Metadata:
@@ -50,11 +59,21 @@ def losses_record(losses: Losses) -> Metadata:
 
 def losses_sentence(losses: Losses) -> str:
     """Return what is missing as a sentence for users."""
+    if losses.failure and not (losses.damage or losses.missing or losses.images):
+        return losses.failure
+    failure = f"; {losses.failure}" if losses.failure else ""
     images = f"; missing: {losses.images} images, because their video was damaged" if losses.images else ""
     if losses.missing:
-        return f"missing: step {losses.missing} of a damaged recording (the first is 0){images}"
+        return f"missing: step {losses.missing} of a damaged recording (the first is 0){images}{failure}"
     steps = "no step before the last one is missing, but there was damage; steps at the end may be missing"
-    return f"{steps}{images}"
+    return f"{steps}{images}{failure}"
+
+
+def failure_losses(reason: str, steps: int) -> Losses:
+    """Return the losses of a recording whose recorder failed after some steps."""
+    return Losses(
+        "", "", failure=f"the recorder failed after step {steps - 1} ({reason}); later steps are lost"
+    )
 
 
 def is_header(record: object) -> bool:
@@ -104,6 +123,26 @@ def read_losses(record: Metadata, path: Path) -> Losses:
         return msgspec.convert(record.metadata, Losses)
     except msgspec.ValidationError as error:
         raise BadInput(f"its record of losses cannot be read: {error}", path) from None
+
+
+def losses_at_end(path: Path) -> Losses | None:
+    """Return what the last record of an incomplete recording says is missing; None if it says nothing."""
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(size - MAX_LOSSES_BYTES, 0))
+        tail = file.read()
+    for at in range(len(tail)):
+        start = at + 9  # behind opcode and length
+        is_last = (
+            tail[at] == Opcode.METADATA
+            and int.from_bytes(tail[at + 1 : start], "little") == len(tail) - start
+        )
+        if is_last:
+            with suppress(*DAMAGE):
+                (record,) = parse_record(Opcode.METADATA, tail[start:])
+                if isinstance(record, Metadata) and is_losses(record):
+                    return read_losses(record, path)
+    return None
 
 
 def _digest(fields: dict[str, str]) -> str:

@@ -16,7 +16,7 @@ from haptigraph.recording.attachments import AttachedFile
 from haptigraph.recording.codec import decode
 from haptigraph.recording.decoding import DEPTH, IMAGE, decode_message, depth_of, is_complete, is_read
 from haptigraph.recording.foxglove import CompressedImage
-from haptigraph.recording.header import Losses, is_header, is_losses, read_header, read_losses
+from haptigraph.recording.header import Losses, is_header, is_losses, losses_at_end, read_header, read_losses
 from haptigraph.recording.journal import complete_records, is_being_written, is_whole, records_between
 from haptigraph.recording.schema import CaptureRecord, RunInfo
 from haptigraph.recording.stored_video import StoredVideo, video_at_the_end
@@ -58,7 +58,7 @@ class RunReader(ShownRun):
         self.path = Path(path)
         self._topics: dict[int, str] = {}
         self.losses: Losses | None = None
-        """What is missing, if it was recovered from a damaged recording."""
+        """What is missing: if it was recovered from a damaged recording, or the recorder failed."""
         self.differing_images = 0
         """Images, of those decoded so far, that have other pixels than during the run: another decoder."""
         self.dropped_images = 0
@@ -70,6 +70,7 @@ class RunReader(ShownRun):
         if self.is_whole and self.info.decoder and self._video is None:
             self._video = video_at_the_end(self.path)
         self.is_being_written = not self.is_whole and is_being_written(self.path)
+        self.losses = self.losses or (None if self.is_whole else losses_at_end(self.path))
 
     def __repr__(self) -> str:
         started = self.info.started_utc[:16].replace("T", " ")

@@ -14,7 +14,7 @@ from haptigraph.recording.attachments import AttachedFile
 from haptigraph.recording.codec import decode, decode_depth
 from haptigraph.recording.compaction import LIBRARY, Progress, write_compacted
 from haptigraph.recording.decoding import DEPTH, IMAGE, decode_message, is_complete
-from haptigraph.recording.header import Losses, is_header, is_losses, losses_record, read_header
+from haptigraph.recording.header import Losses, is_header, is_losses, losses_record, read_header, read_losses
 from haptigraph.recording.journal import FileIdentity, is_being_written, is_whole, not_being_written
 from haptigraph.recording.scan import Damage, Piece, open_regular, scan
 
@@ -38,6 +38,8 @@ class Recovery(Struct):
     """Complete steps whose image is lost, because the video in the recording is."""
     lacked: bool = False
     """Whether the recording itself was recovered from a damaged one; it says what it lacks."""
+    failure: str = ""
+    """Why later steps were never recorded, although the run went on; empty: it is not known that any were."""
     is_verified: bool = True
     """False if messages have no checksum (formats 1 and 2), so that changed numbers were not noticed."""
     removed: list[Path] = []
@@ -64,7 +66,7 @@ class Recovery(Struct):
         """Return what is missing, for the recovered recording."""
         places = (f"byte {damage.start}: {damage.problem}" for damage in self.lost)
         images = str(self.lost_images) if self.lost_images else ""
-        return Losses(_missing_text(self.missing), "; ".join(places), images)
+        return Losses(_missing_text(self.missing), "; ".join(places), images, self.failure)
 
 
 class _Definitions(Struct):
@@ -162,7 +164,10 @@ def _check(path: Path, definitions: _Definitions, report: Progress) -> Recovery:
     Raises:
         BadInput: If there is no complete step.
     """
-    recovery, found, size = Recovery(path, lacked=bool(definitions.losses)), [-1], path.stat().st_size
+    before = [read_losses(record, path) for record in definitions.losses]
+    recovery, found, size = Recovery(path), [-1], path.stat().st_size
+    recovery.failure = next((each.failure for each in before if each.failure), "")
+    recovery.lacked = any(each.damage or each.missing or each.images for each in before)
     for piece in scan(path):
         report("checking the recording", piece.end, size)
         if isinstance(piece, Damage):

@@ -8,7 +8,7 @@ with zstd chunks and an index. `sinks.recorder` runs this in its own thread.
 import mimetypes
 import os
 import zlib
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -26,7 +26,7 @@ from haptigraph.recording.attachments import CRC_BYTES, AttachedFile, write_atta
 from haptigraph.recording.compaction import Progress, compact
 from haptigraph.recording.entries import entries
 from haptigraph.recording.foxglove import encode_message
-from haptigraph.recording.header import header_record
+from haptigraph.recording.header import failure_losses, header_record, losses_record
 from haptigraph.recording.journal import FileChanged, FileIdentity, Journal
 from haptigraph.recording.scan import MAGIC, open_regular
 from haptigraph.recording.schema import TOPICS, RunInfo, VideoImage, mcap_schema
@@ -91,6 +91,8 @@ class RunWriter:
         """Number of steps written."""
         self._messages: Counter[int] = Counter()
         self._first_ns = self._last_ns = 0
+        self._ends = deque[int](maxlen=2)
+        """Where the last steps end in the file."""
         self._crc = 0
         try:
             self._begin(measures)
@@ -133,6 +135,7 @@ class RunWriter:
         self._first_ns = min(self._first_ns, utc_ns) if self.steps else utc_ns
         self._last_ns = max(self._last_ns, utc_ns)
         self.steps += 1
+        self._ends.append(self._file.tell())
 
     def take_problems(self) -> tuple[str, ...]:
         """Return why images are not stored as their video, since the last call, a sentence each."""
@@ -163,9 +166,16 @@ class RunWriter:
             self.is_complete = False
             raise
 
-    def abandon(self) -> None:
-        """Close the file as it is, for instance after a disk error; `recover` can repair it."""
+    def abandon(self, reason: str = "") -> None:
+        """Close the file as it is, for instance after a disk error; `recover` can repair it.
+
+        Args:
+            reason: Why later steps are lost; on a full disk it takes the place of the last step.
+        """
         self._close_video()
+        for steps in (self.steps, self.steps - 1) if reason else ():
+            if steps > 0 and self._wrote_failure(reason, steps):
+                break
         with suppress(OSError):  # the caller has reported the error
             self._file.close()
 
@@ -177,6 +187,15 @@ class RunWriter:
         self.abandon()
         if is_ours:
             self.path.unlink(missing_ok=True)
+
+    def _wrote_failure(self, reason: str, steps: int) -> bool:
+        """Write behind the last steps that the later ones are lost; return False if that is impossible."""
+        try:
+            self._file.rewind(self._ends[steps - self.steps - 1])
+            self._file.write(_encoded(losses_record(failure_losses(reason, steps))))
+        except (FileChanged, OSError, ValueError):  # the latter of a closed file
+            return False
+        return True
 
     def _begin(self, measures: tuple[str, ...]) -> None:
         """Write header, schemas and channels, each twice: without them the rest cannot be read."""

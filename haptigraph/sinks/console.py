@@ -49,18 +49,18 @@ class ConsoleSink:
         time_s = (step.stamp_ns - self._start_ns) / 1e9
         self._time_s = time_s
         for line in self._stale.add(step):
-            self._print(f"{time_s:7.2f} s  ! {line}")
+            self.print_line(f"{time_s:7.2f} s  ! {line}")
         hides = self._stale.is_hidden
         faults = tuple(fault for fault in step.observation.faults if not (hides and is_stale(fault)))
         for fault in faults:
             if fault.is_over or fault not in self._faults:
-                self._print(f"{time_s:7.2f} s  {'' if fault.is_over else '! '}{fault}")
+                self.print_line(f"{time_s:7.2f} s  {'' if fault.is_over else '! '}{fault}")
         self._faults = faults
         if step.conclusion.state != self._state and not hides:
             self._state = step.conclusion.state
             forces = ", ".join(step.conclusion.forces)
             exerts = f"; force: {forces}" if forces else ""
-            self._print(f"{time_s:7.2f} s  {self._state:34} {reason(capture, step)}{exerts}")
+            self.print_line(f"{time_s:7.2f} s  {self._state:34} {reason(capture, step)}{exerts}")
         if self._shows_time and int(time_s) != self._second:
             self._second = int(time_s)
             self._put(f"{self._clear}{time_s:7.2f} s  ...")
@@ -72,13 +72,14 @@ class ConsoleSink:
     def close(self) -> None:
         """Write what is left, if the terminal still accepts it."""
         for line in self._stale.counted():
-            self._print(f"{self._time_s:7.2f} s  ! {line}")
+            self.print_line(f"{self._time_s:7.2f} s  ! {line}")
         if self._shows_time:
             self._put(self._clear)
         self._queue.put(None)
         self._thread.join(FLUSH_TIMEOUT_S)
 
-    def _print(self, line: str) -> None:
+    def print_line(self, line: str) -> None:
+        """Print a line behind those of the steps so far."""
         self._put(f"{self._clear}{line}\n")
 
     def _put(self, text: str) -> None:

@@ -99,9 +99,11 @@ class Recorder:
 
     def _fail(self, error: Exception) -> None:
         self._failed.set()
-        self._writer.abandon()
-        reason = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
-        result = f"incomplete ({reason}); it can be recovered"
+        reason = f"{type(error).__name__}: {error}"
+        if isinstance(error, OSError) and error.strerror:
+            reason = error.strerror
+        self._writer.abandon("" if isinstance(error, FileChanged) else reason)
+        result = f"incomplete ({reason}); later steps are lost, earlier ones can be recovered"
         if self._writer.is_complete:
             result = f"complete but not compacted ({reason})"
         elif isinstance(error, FileChanged):

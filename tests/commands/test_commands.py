@@ -10,9 +10,11 @@ import pytest
 from helpers import call, refuse
 from msgspec.structs import replace
 
+import haptigraph
 from haptigraph.assemble import load_procedure
 from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
+from haptigraph.recording.writer import RunWriter
 from haptigraph.version import __version__
 
 COMMANDS = [
@@ -204,10 +206,45 @@ def test_recover_repairs_a_truncated_recording(recording, tmp_path):
     truncated.write_bytes(recording.read_bytes()[:-5000])
     result = call("recover", truncated)
     assert result.exit_code == 0
-    assert "is complete again:" in result.output
+    assert "can be read again up to its end:" in result.output
     assert RunReader(truncated).is_whole
     assert "is complete\n" in call("recover", truncated).output
     assert "steps identical" in call("replay", truncated).output
+
+
+def test_a_broken_claim_is_printed_behind_the_state_of_its_step(quick_uri, tmp_path):
+    text = Path(haptigraph.__file__).with_name("procedures").joinpath("subretinal_injection.toml").read_text()
+    strict = tmp_path / "strict.toml"
+    strict.write_text(text.replace("most_changes = 6", "most_changes = 1"))
+    lines = call("run", quick_uri, "--fast", "--procedure", strict).output.splitlines()
+    broken = [number for number, line in enumerate(lines) if "! violated: " in line]
+    assert broken
+    for number in broken:
+        following = [
+            line for line in lines[number + 1 :] if line.startswith(lines[number].split(" s ")[0] + " s ")
+        ]
+        assert all("! violated: " in line for line in following)
+
+
+def test_a_recorder_that_failed_is_reported_by_every_command(quick_uri, tmp_path, monkeypatch):
+    append, path = RunWriter.write, tmp_path / "run.mcap"
+
+    def write(writer, capture, step, **options):
+        if writer.steps == 20:
+            raise TypeError("no number")
+        append(writer, capture, step, **options)
+
+    monkeypatch.setattr(RunWriter, "write", write)
+    assert call("run", quick_uri, "--fast", "--record", path).exit_code == 2
+    lost = "the recorder failed after step 19 (TypeError: no number); later steps are lost"
+    assert f"{path}, {lost}; `haptigraph recover` repairs the file\n" in call("explain", path).output
+    assert "none in these steps" in call("explain", path).output
+    assert lost in call("evaluate", path).output
+    assert lost in call("replay", path).output
+    for said in ("can be read again up to its end: 20 steps", "can be read"):
+        recovered = call("recover", path)
+        assert (recovered.exit_code, recovered.output) == (1, f"{path} {said}\n{lost}\n")
+        assert f"{path}, recovered; {lost}\n" in call("explain", path).output
 
 
 def test_replay_reports_an_interrupted_recording(recording, tmp_path):

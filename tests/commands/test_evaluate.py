@@ -62,6 +62,12 @@ def test_evaluate_scores_a_recording_of_a_simulated_eye():
     scores = json.loads(call("evaluate", RUN, "--json").output)
     assert scores["scored_images"] > 60 and scores["tips"] > 0.9 * scores["scored_images"]
     assert scores["tip_error_mm"]["median"] < 0.15 and scores["theta_error_deg"]["median"] < 1
+    assert 0 < scores["tip_z"]["p68"] < scores["tip_z"]["p95"] < 4
+    assert 0 < scores["theta_z"]["p68"] < scores["theta_z"]["p95"]
+    assert scores["false_needles"] == 0
+    largest = scores["largest_tip_errors_mm"]
+    assert len(largest) == 3 and max(largest.values()) >= scores["tip_error_mm"]["p95"]
+    assert all(re.fullmatch(r"at \d+\.\d\d s", time) for time in largest)
     assert scores["origin"]["procedure_sha256"] == load_procedure("subretinal_injection").sha256
     assert re.search(r"^tip_error_mm\.median +0\.\d", call("evaluate", RUN).output, re.MULTILINE)
     assert "scored with its own settings" in refuse("evaluate", RUN, "--seed", 1)

@@ -61,3 +61,12 @@ def test_qr_codes_are_for_terminals(shown):
     text, _ = shown()
     assert "scan to watch\nCODE 1" in text and "scan to steer\nCODE 2" in text
     assert "CODE" not in shown(is_terminal=False)[0]
+
+
+def test_without_a_terminal_progress_is_a_line_every_ten_seconds(monkeypatch, capsys):
+    now_s = iter((0.0, 5.0, 11.0, 12.0, 21.5))
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: next(now_s))
+    with terminal.progress_bar() as progress:
+        for scene in range(5):
+            progress("playing scenes", scene, 17)
+    assert capsys.readouterr().err == "playing scenes: 2 of 17\nplaying scenes: 4 of 17\n"

@@ -207,7 +207,7 @@ def test_a_full_disk_is_reported_and_control_continues(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (FULL_BYTES, FULL_BYTES))
 
     with Rig(tmp_path, "serial", preexec_fn=limit) as rig:
-        rig.until_output(r"recorder: .*run\.mcap is incomplete \(File too large\); it can be recovered")
+        rig.until_output(r"recorder: .*run\.mcap is incomplete \(File too large\); later steps are lost, ")
         await_commands(rig, 10)
         assert is_steady(rig)
         rig.silent_in_time("full disk, then SIGINT", rig.signal(signal.SIGINT))

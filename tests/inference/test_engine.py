@@ -5,11 +5,13 @@ from helpers import MS, mostly_slow
 from msgspec.structs import replace
 
 from haptigraph.assemble import load_procedure, procedure_names
+from haptigraph.geometry import Circle, Point, Polyline, Segment
 from haptigraph.graph import Node, SceneGraph, Triplet
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
-from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN, Conclusion
+from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN, Certainty, Conclusion, Observation
 from haptigraph.proof.space import Space
+from haptigraph.scene.builder import SchemaSceneBuilder
 
 
 def subsets(items):
@@ -242,3 +244,25 @@ def test_a_held_state_has_the_stamp_and_the_measures_of_the_present_graph():
 def test_a_state_without_a_hold_ends_even_within_one_stamp(holding):
     engine = holding
     assert states_of(engine, (0, TOUCH, INSIDE), (0, OUTSIDE)) == ["retinal_contact", "outside_eye"]
+
+
+def test_a_standard_deviation_that_is_unknown_is_named():
+    procedure = load_procedure("subretinal_injection_cautious")
+    found = {
+        "retina_surface": Polyline(((-11.0, -4.0), (11.0, -4.0))),
+        "retina_target": Point((5.0, -4.0)),
+        "trocar": Point((8.0, 8.0)),
+        "eye_globe": Circle((0.0, 0.0), 12.0),
+        "needle_tip": Point((0.0, 4.0)),
+        "needle_line": Segment((8.0, 8.0), (0.0, 4.0)),
+    }
+    build, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(procedure)
+    because = reason(build(Observation(0, found))).because
+    assert because.startswith(
+        "the tip may touch the retina away from the target: it is 8.00 mm from the retina"
+    )
+    assert because.endswith(
+        "it cannot be excluded: the standard deviation of distance_to_retina_mm, radial_mm is unknown"
+    )
+    known = reason(build(Observation(1, found, certainty=Certainty(1.0, 0.05, 0.1))))
+    assert "unknown" not in known.because

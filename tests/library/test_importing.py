@@ -15,6 +15,7 @@ from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.haptics.observed_device import is_felt
 from haptigraph.importing import is_own, module_sha256, split_own
+from haptigraph.messages import Certainty
 from haptigraph.recording.reader import RunReader
 from haptigraph.sources.naming import split_source
 
@@ -49,7 +50,7 @@ def test_a_class_of_ones_own_is_a_module_and_a_name_with_a_capital(name, parts):
     [
         (
             "nowhere:Mine",
-            "Python finds no module 'nowhere'; install it, or start `python -m haptigraph` in its",
+            "Python finds no module 'nowhere'; install it, name its folder in PYTHONPATH, or start `python -m",
         ),
         ("own_parts.inner:Mine", "Python finds no module 'own_parts.inner'"),
         (
@@ -116,7 +117,7 @@ def test_a_replay_without_the_module_is_one_sentence(recording):
     assert done.exit_code == 2
     assert done.output == (
         f"haptigraph: {recording}: cannot be replayed without the perceiver of its run: perceiver mine:Perceiver: "
-        "Python finds no module 'mine'; install it, or start `python -m haptigraph` in its folder; perceivers that "
+        "Python finds no module 'mine'; install it, name its folder in PYTHONPATH, or start `python -m haptigraph` in its folder; perceivers that "
         "ship: bscan, forceps, segmentation, threshold, tracker, volume\n"
     )
     with pytest.raises(BadInput, match="cannot be replayed without the perceiver of its run"):
@@ -155,7 +156,7 @@ def test_a_live_source_of_ones_own_gets_the_clock_and_runs_in_real_time():
     assert assemble.is_realtime(config)
     clock = MonotonicClock()
     raw = replace(config, source=replace(config.source, jpeg_quality=0))
-    assert assemble.open_source(raw, clock).clock is clock
+    assert assemble.open_source(raw, clock)._source.clock is clock
     assert type(assemble.open_source(config, clock)).__name__ == "JpegSource"
     assert "works in real time" in error_of("source.uri=own_parts:LiveSource", "run.realtime=false")
 
@@ -188,3 +189,74 @@ def test_a_device_that_cannot_be_opened_is_one_sentence(name, problem):
     with pytest.raises(BadInput) as raised:
         assemble.open_device(name)
     assert problem in str(raised.value)
+
+
+def test_numbers_of_numpy_become_plain_and_are_recorded(quick_uri, tmp_path):
+    runs = {}
+    for name in ("Returning", "NumpyPerceiver"):
+        path = tmp_path / f"{name}.mcap"
+        settings = (
+            f"source.uri={quick_uri}",
+            f"recording.path={path}",
+            f"perception.perceiver=own_parts:{name}",
+        )
+        report = assemble.build(load_config(None, (*settings, "run.realtime=false"))).run()
+        assert (report.incomplete, report.dropped) == ("", 0)
+        runs[name] = [step.observation for step in RunReader(path)]
+    assert runs["NumpyPerceiver"] == runs["Returning"]
+    assert runs["Returning"][0].certainty == Certainty(1.0, 0.05, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("NonePerceiver", " returned None instead of an Observation; is a `return` missing?"),
+        ("DictPerceiver", " returned a dict instead of an Observation"),
+        ("NanPerceiver", ": needle_tip.at_mm[0]: Expected `float`, got None, nan or inf"),
+        ("TuplePerceiver", ": needle_tip is a tuple; it must be one of Point, Segment, Circle, "),
+        ("TextPerceiver", ": certainty.tip_sd_mm: Expected `float | null`, got `str`"),
+        (
+            "MisspeltPerceiver",
+            " reports an unknown entity 'needle_lin'; did you mean 'needle_line'? valid: eye_globe, ",
+        ),
+    ],
+)
+def test_what_a_perceiver_may_not_return_ends_the_run_in_one_sentence(name, problem, quick_uri):
+    done = call("run", quick_uri, "--fast", "--set", f"perception.perceiver=own_parts:{name}")
+    (line,) = [line for line in done.output.splitlines() if line.startswith("haptigraph: ")]
+    assert f"image 0: perceiver own_parts:{name}{problem}" in line
+    assert done.exit_code == 2
+    assert "Traceback" not in done.output
+
+
+def test_an_entity_with_a_standard_deviation_is_one_that_is_reported(quick_uri):
+    assert error_of(f"source.uri={quick_uri}", "perception.perceiver=own_parts:MisspeltSdPerceiver") == (
+        "perceiver own_parts:MisspeltSdPerceiver: unknown entity 'needle_tip_sd'; did you mean 'needle_tip'? valid: "
+        "needle_line, needle_tip; entities_with_sd is a part of entities"
+    )
+
+
+def test_what_a_perceiver_raises_is_named_with_its_line(quick_uri, capfd, monkeypatch):
+    line = 1 + OWN.read_text().splitlines().index(
+        "        return np.linalg.inv(np.zeros((2, 2)))  # raised in NumPy"
+    )
+    done = call("run", quick_uri, "--fast", "--set", "perception.perceiver=own_parts:RaisingPerceiver")
+    assert done.exit_code == 2
+    sentence = (
+        "own_parts:RaisingPerceiver raised LinAlgError: Singular matrix (own_parts.py, line "
+        f"{line}); `python -X dev -m haptigraph` prints the traceback"
+    )
+    assert f"haptigraph: perception failed on 3 images in a row: {sentence}\n" in done.output
+
+
+def test_a_source_may_count_with_numpy(tmp_path):
+    path = tmp_path / "run.mcap"
+    settings = ("source.uri=own_parts:NumpySource:5", f"recording.path={path}")
+    report = assemble.build(load_config(None, settings)).run()
+    assert (report.incomplete, len(RunReader(path))) == ("", 5 + 1)
+
+
+def test_an_image_that_is_none_is_refused():
+    done = call("run", "own_parts:FloatSource", "--fast")
+    assert done.exit_code == 2
+    assert "source own_parts:FloatSource: image is float64 (240, 320); it must be uint8" in done.output

@@ -325,6 +325,33 @@ def append(path):
         file.write(b"more")
 
 
+@pytest.mark.parametrize("fits", [True, False])
+def test_a_recorder_that_failed_writes_why_also_to_a_full_disk(tmp_path, monkeypatch, fits):
+    path = tmp_path / "a.mcap"
+    writer = RunWriter(path, INFO, GEOMETRY, ())
+    for number in range(3):
+        writer.write(Capture(number, number, IMAGE), make_step(stamp_ns=number))
+    full_bytes, write = path.stat().st_size + (1000 if fits else 10), os.write
+
+    def limited(descriptor, data):
+        left = full_bytes - os.fstat(descriptor).st_size
+        if left <= 0:
+            raise OSError(28, "No space left on device")
+        return write(descriptor, data[:left])
+
+    monkeypatch.setattr(os, "write", limited)
+    with pytest.raises(OSError, match="No space"):
+        writer.write(Capture(3, 3, IMAGE), make_step(stamp_ns=3))
+    writer.abandon("No space left on device")
+    monkeypatch.undo()
+    last = 2 if fits else 1
+    failure = f"the recorder failed after step {last} (No space left on device); later steps are lost"
+    assert RunReader(path).losses.failure == failure
+    recovery = recover(path)
+    assert (recovery.saved, recovery.steps, recovery.failure) == (path, last + 1, failure)
+    assert RunReader(path).losses.failure == failure
+
+
 @pytest.mark.parametrize("at_close", [False, True])
 @pytest.mark.parametrize("change", [delete, move, replace_by_a_copy, truncate, empty, append])
 def test_a_file_that_is_changed_while_it_is_written_is_not_complete(tmp_path, change, at_close):

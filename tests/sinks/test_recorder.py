@@ -44,7 +44,7 @@ class Writer:
     def close(self, progress):
         self.closed += 1
 
-    def abandon(self):
+    def abandon(self, reason):
         self.abandoned += 1
 
 
@@ -99,7 +99,10 @@ def test_a_full_disk_is_reported_once_and_the_file_can_be_recovered(writer):
     write(recorder, 30)
     recorder.close()
     (fault,) = recorder.take_faults()
-    assert fault.message == "run.mcap is incomplete (No space left on device); it can be recovered"
+    assert (
+        fault.message
+        == "run.mcap is incomplete (No space left on device); later steps are lost, earlier ones can be recovered"
+    )
     assert (writer.abandoned, writer.closed) == (1, 0)
     assert recorder.dropped + len(writer.written) == 33
 

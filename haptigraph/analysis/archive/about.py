@@ -15,7 +15,7 @@ from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.assumed import assumed_text
 
-__all__ = ["About", "about_lines", "about_recording", "changed_settings", "setting_texts"]
+__all__ = ["About", "about_lines", "about_recording", "changed_settings", "setting_texts", "state_of"]
 
 MAX_FAULTS = 10
 HASH_DIGITS = 12
@@ -81,7 +81,7 @@ def about_recording(path: str | Path, progress: Progress | None = None) -> About
     attached = {name: getattr(info, f"{name}_sha256") for name in ("robot_setup", "device_profile")}
     return About(
         recording=str(path),
-        state=_state(reader),
+        state=state_of(reader),
         version=info.version,
         format=info.format,
         started_utc=info.started_utc,
@@ -128,10 +128,20 @@ def about_lines(about: About) -> list[str]:
             f"{about.steps} steps in {about.duration_s:.2f} s, {about.dropped_images} images not recorded",
         ),
         *(("fault", f"{count} x {fault}") for fault, count in list(about.faults.items())[:MAX_FAULTS]),
-        ("fault", "" if about.faults else "none"),
+        ("fault", "" if about.faults else "none" if about.state == "complete" else "none in these steps"),
         ("ground truth", "recorded: it is of a simulation" if about.has_truth else "none"),
     ]
     return [f"{name:16}{value}" for name, value in rows if value]
+
+
+def state_of(reader: RunReader) -> str:
+    """Return whether a recording is complete, or what is missing."""
+    lost = losses_sentence(reader.losses) if reader.losses else ""
+    if reader.is_being_written:
+        return "still being written"
+    if not reader.is_whole:
+        return f"{lost or 'interrupted'}; `haptigraph recover` repairs the file"
+    return f"recovered; {lost}" if lost else "complete"
 
 
 def setting_texts(settings: Mapping[str, Any]) -> list[str]:

@@ -74,7 +74,7 @@ def _about(reader: RunReader) -> dict[str, Any]:
         "rate_hz": info.rate_hz,
         "perceiver": config.get("perception", {}).get("perceiver", ""),
         "is_interrupted": not reader.is_whole,
-        "is_recovered": reader.losses is not None,
+        "is_recovered": reader.is_whole and reader.losses is not None,
     }
 
 

@@ -3,8 +3,12 @@
 import math
 from typing import Any
 
+from msgspec import Struct
+
+from haptigraph.analysis.archive.about import state_of
 from haptigraph.analysis.evaluation.evaluation import spread
 from haptigraph.analysis.evaluation.report import Report, report_text
+from haptigraph.analysis.evaluation.tip_scores import TipError, quantiles, tip_error, tip_scores
 from haptigraph.analysis.metrics.replay import (
     own_note,
     recorded_config,
@@ -17,6 +21,8 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
 from haptigraph.importing import is_own
 from haptigraph.inference.procedure import Procedure
+from haptigraph.messages import Step, Truth
+from haptigraph.projection import ImageGeometry
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.camera import Registration
@@ -24,25 +30,46 @@ from haptigraph.registration.camera import Registration
 __all__ = ["report_recording", "score_recording"]
 
 MIN_DEPTH_MM = 2.0
+LARGEST, APART_S = 3, 0.5
+"""How many of the largest errors are reported, and how far apart in time."""
+
+
+class _Errors(Struct):
+    """What was found in one recording, and its errors."""
+
+    images: int = 0
+    tips: int = 0
+    false_tips: int = 0
+    false_needles: int = 0
+    tip_mm: list[float] = []
+    tip_s: list[float] = []
+    """When each was, since the first step."""
+    along: list[TipError | None] = []
+    theta_deg: list[float] = []
+    theta_z: list[float] = []
 
 
 def report_recording(reader: RunReader, procedure: Procedure, progress: Progress | None = None) -> Report:
-    """Score perception on one recording with a procedure; see `score_recording`.
+    """Score perception on one recording with a procedure.
 
     Raises:
         BadInput: If it has no ground truth, or cannot be replayed.
     """
-    scores = score_recording(reader, procedure, progress)
-    errors_mm, errors_deg = scores.pop("tip_errors_mm"), scores.pop("theta_errors_deg")
-    perceiver = scores.pop("perceiver")
+    perceiver, errors = _perceiver_of_needle(reader, procedure), _errors(reader, procedure, progress)
     scores = {
         "recording": str(reader.path),
+        **({"recording_state": state} if (state := state_of(reader)) != "complete" else {}),
         "perceiver": perceiver,
         **({"note": own_note(reader, perceiver)} if is_own(perceiver) else {}),
-        "scored_images": scores.pop("images"),
-        **scores,
-        "tip_error_mm": spread(errors_mm),
-        "theta_error_deg": spread(errors_deg),
+        "scored_images": errors.images,
+        "tips": errors.tips,
+        "false_tips": errors.false_tips,
+        "false_needles": errors.false_needles,
+        "tip_error_mm": spread(errors.tip_mm),
+        "theta_error_deg": spread(errors.theta_deg),
+        "tip_z": tip_scores(errors.along)["tip_z"],
+        "theta_z": quantiles(errors.theta_z),
+        "largest_tip_errors_mm": _largest(errors),
     }
     return Report(scores, report_text(scores))
 
@@ -64,41 +91,67 @@ def score_recording(
     Raises:
         BadInput: If it has no ground truth of a needle before a camera, or cannot be replayed.
     """
-    pipeline = replay_pipeline(reader, procedure)
-    perceiver = _perceiver_of_needle(reader, procedure)
+    perceiver, errors = _perceiver_of_needle(reader, procedure), _errors(reader, procedure, progress)
+    return {
+        "perceiver": perceiver,
+        "images": errors.images,
+        "tips": errors.tips,
+        "false_tips": errors.false_tips,
+        "tip_errors_mm": errors.tip_mm,
+        "theta_errors_deg": errors.theta_deg,
+    }
+
+
+def _errors(reader: RunReader, procedure: Procedure | None, progress: Progress | None) -> _Errors:
+    pipeline, errors = replay_pipeline(reader, procedure), _Errors()
+    image = recorded_registration(reader).frontal.image
     steps = reader.count()[0] if progress is not None else 0
-    images = false_tips = tips = truths = 0
-    errors_mm, errors_deg = list[float](), list[float]()
+    first_ns, truths = None, 0
     for number, (capture, _) in enumerate(reader.records(), 1):
         step, truth = pipeline.step(capture), capture.truth
+        first_ns = step.stamp_ns if first_ns is None else first_ns
         if progress is not None:
             progress("evaluating", number, steps)
-        if truth is None:
-            continue
-        truths += 1
-        tip = step.observation.found.get("needle_tip")
-        false_tips += isinstance(tip, Point) and not truth.visible and truth.depth_mm < 0
-        if not truth.visible or not truth.inside or truth.depth_mm < MIN_DEPTH_MM:
-            continue
-        images += 1
-        if isinstance(tip, Point):
-            tips += 1
-            errors_mm.append(round(math.dist(tip.at_mm, truth.tip_mm), 4))
-        theta_deg = step.graph.measures.get("theta_deg")
-        if theta_deg is not None:
-            errors_deg.append(round(abs(theta_deg - truth.theta_deg), 4))
+        if truth is not None:
+            truths += 1
+            _add(errors, step, truth, image, (step.stamp_ns - first_ns) / 1e9)
     if not truths:
         raise BadInput(
             "has no ground truth, so perception cannot be scored; simulated runs have one", reader.path
         )
-    return {
-        "perceiver": perceiver,
-        "images": images,
-        "tips": tips,
-        "false_tips": false_tips,
-        "tip_errors_mm": errors_mm,
-        "theta_errors_deg": errors_deg,
-    }
+    return errors
+
+
+def _add(errors: _Errors, step: Step, truth: Truth, image: ImageGeometry, time_s: float) -> None:
+    """Add what was found in one image."""
+    tip = step.observation.found.get("needle_tip")
+    is_outside = not truth.visible and truth.depth_mm < 0
+    errors.false_tips += isinstance(tip, Point) and is_outside
+    errors.false_needles += is_outside and bool({"needle_tip", "needle_line"} & step.observation.found.keys())
+    if not truth.visible or not truth.inside or truth.depth_mm < MIN_DEPTH_MM:
+        return
+    errors.images += 1
+    errors.along.append(tip_error(step, image.to_px(truth.tip_mm), image))
+    if isinstance(tip, Point):
+        errors.tips += 1
+        errors.tip_mm.append(round(math.dist(tip.at_mm, truth.tip_mm), 4))
+        errors.tip_s.append(time_s)
+    theta_deg, certainty = step.graph.measures.get("theta_deg"), step.observation.certainty
+    if theta_deg is not None:
+        errors.theta_deg.append(round(abs(theta_deg - truth.theta_deg), 4))
+        if certainty is not None and certainty.theta_sd_deg > 0:
+            errors.theta_z.append(errors.theta_deg[-1] / certainty.theta_sd_deg)
+
+
+def _largest(errors: _Errors) -> dict[str, float]:
+    """Return the largest errors of the tip by their time, neighbours left out."""
+    largest = dict[float, float]()
+    for error_mm, time_s in sorted(zip(errors.tip_mm, errors.tip_s, strict=True), reverse=True):
+        if all(abs(time_s - other_s) >= APART_S for other_s in largest):
+            largest[time_s] = error_mm
+        if len(largest) == LARGEST:
+            break
+    return {f"at {time_s:.2f} s": error_mm for time_s, error_mm in largest.items()}
 
 
 def _perceiver_of_needle(reader: RunReader, procedure: Procedure | None) -> str:

@@ -15,20 +15,24 @@ from haptigraph.recording.writer import Progress
 
 __all__ = ["Report", "report_clip", "report_text", "sweep_object", "sweep_text"]
 
-COLUMNS = (
+FOUND = (
+    ("images", 7),
     ("found >=2mm", 12),  # detection rate at 2 mm depth or more
     ("false", 6),
-    ("tip px p50/p95", 15),
-    ("1-3mm deg p50/p95", 18),
-    (">3mm deg p50/p95", 17),
+    ("tip known", 10),
+    ("tip far", 9),  # share of reported tips that are more than 0.3 mm off
     ("state", 8),
     ("wrong contact", 14),
     ("missed contact", 15),
-    ("tip known", 10),
-    ("tip far", 9),  # share of reported tips that are more than 0.3 mm off
+)
+ERRORS = (
+    ("tip px p50/p95", 15),
     ("tip bias px", 12),
     ("tip z p68/p95/p997", 19),
+    ("1-3mm deg p50/p95", 18),
+    (">3mm deg p50/p95", 17),
 )
+"""Columns of the two tables of a perceiver, each at most 100 wide."""
 BOUNDS = {
     "inside": "inside_deg",
     "inside_pivot_free": "inside_rcm_free_deg",
@@ -87,40 +91,48 @@ def sweep_text(sweep: Sweep, held: Sequence[HeldDepth]) -> str:
 
 def _score_lines(sweep: Sweep) -> Iterator[str]:
     for perceiver, rows in sweep.scores().items():
-        head = "".join(f"{name:>{width}}" for name, width in COLUMNS)
-        yield f"{perceiver:19}{'images':>7}{head}"
-        for condition, scores in rows.items():
-            angle, has_needle = scores["angle_error_deg"], scores["needle_images"] > 0
-            cells = (
-                _percent(scores["detection_rate"]) if has_needle else "no needle",
-                str(scores["false_detections"]),
-                _pair(scores["tip_error_px"]),
-                _pair(angle["shallow"]),
-                _pair(angle["deep"]),
-                _percent(scores["state_agreement"]) if has_needle else "n/a",
-                str(scores["wrong_contact_images"]),
-                str(scores["missed_contact_images"]) if has_needle else "n/a",
-                _percent(scores["tip_known_rate"]),
-                _percent(scores["tip_far_rate"]),
-                _signed(scores["tip_bias_px"]),
-                "/".join(_number(value) for value in scores["tip_z"].values()),
-            )
-            line = "".join(f"{cell:>{width}}" for cell, (_, width) in zip(cells, COLUMNS, strict=True))
-            yield f"  {condition:17}{scores['images']:7}{line}"
-        yield ""
+        for columns, cells_of in ((FOUND, _found_cells), (ERRORS, _error_cells)):
+            yield f"{perceiver:19}{''.join(f'{name:>{width}}' for name, width in columns)}"
+            for condition, scores in rows.items():
+                cells = zip(cells_of(scores), columns, strict=True)
+                yield f"  {condition:17}{''.join(f'{cell:>{width}}' for cell, (_, width) in cells)}"
+            yield ""
+
+
+def _found_cells(scores: dict[str, Any]) -> tuple[str, ...]:
+    has_needle = scores["needle_images"] > 0
+    return (
+        str(scores["images"]),
+        _percent(scores["detection_rate"]) if has_needle else "no needle",
+        str(scores["false_detections"]),
+        _percent(scores["tip_known_rate"]),
+        _percent(scores["tip_far_rate"]),
+        _percent(scores["state_agreement"]) if has_needle else "n/a",
+        str(scores["wrong_contact_images"]),
+        str(scores["missed_contact_images"]) if has_needle else "n/a",
+    )
+
+
+def _error_cells(scores: dict[str, Any]) -> tuple[str, ...]:
+    return (
+        _pair(scores["tip_error_px"]),
+        _signed(scores["tip_bias_px"]),
+        "/".join(_number(value) for value in scores["tip_z"].values()),
+        _pair(scores["angle_error_deg"]["shallow"]),
+        _pair(scores["angle_error_deg"]["deep"]),
+    )
 
 
 def _noise_lines(sweep: Sweep, held: Sequence[HeldDepth]) -> Iterator[str]:
-    names = list(sweep.errors)
-    yield "angle noise [deg] of a stationary needle, and its Cramer-Rao bound"
-    bounds = (name.removesuffix("_deg").replace("_", " ") for name in BOUNDS.values())
-    head = "".join(f"{name:>12}" for name in names) + "".join(f"{name:>20}" for name in bounds)
-    yield f"{'depth':10}{head}"
-    for each in held:
-        noises = "".join(f"{_number(each.noise_deg[name]):>12}" for name in names)
-        yield f"{each.depth_mm:4g} mm   {noises}" + "".join(
-            f"{_number(bound):>20}" for bound in _bounds(each).values()
-        )
+    yield "angle noise [deg] of a stationary needle at its depths, and its Cramer-Rao bound"
+    rows = {"depth": [f"{each.depth_mm:g} mm" for each in held]}
+    rows |= {name: [_number(each.noise_deg[name]) for each in held] for name in sweep.errors}
+    bounds = [_bounds(each) for each in held]
+    for key, field in BOUNDS.items():
+        name = f"bound {field.removesuffix('_deg').replace('_', ' ')}"
+        rows[name] = [_number(each[key]) for each in bounds]
+    for name, cells in rows.items():
+        yield f"{name:27}{''.join(f'{cell:>9}' for cell in cells)}"
 
 
 def _bounds(held: HeldDepth) -> dict[str, float | None]:

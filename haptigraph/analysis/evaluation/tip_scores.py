@@ -11,7 +11,7 @@ from haptigraph.geometry import Point, Segment, Vec, subtract, unit
 from haptigraph.messages import Step
 from haptigraph.projection import ImageGeometry
 
-__all__ = ["TipError", "tip_error", "tip_scores"]
+__all__ = ["TipError", "quantiles", "tip_error", "tip_scores"]
 
 FAR_MM = 0.3
 MIN_SD_MM = 1e-6  # of a tip that is certain: its error counts all the same
@@ -53,8 +53,13 @@ def tip_scores(errors: Sequence[TipError | None]) -> dict[str, Any]:
         "tip_known_rate": len(known) / len(errors) if errors else None,
         "tip_far_rate": sum(error.far for error in known) / len(known) if known else None,
         "tip_bias_px": float(np.median(along_px)) if along_px else None,
-        "tip_z": {name: float(np.percentile(z, share)) if z else None for name, share in QUANTILES.items()},
+        "tip_z": quantiles(z),
     }
+
+
+def quantiles(z: Sequence[float]) -> dict[str, float | None]:
+    """Return the 68, 95 and 99.7 % quantiles of errors in standard deviations; None without any."""
+    return {name: float(np.percentile(z, share)) if z else None for name, share in QUANTILES.items()}
 
 
 def _sd_along_mm(step: Step) -> float | None:

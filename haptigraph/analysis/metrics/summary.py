@@ -8,6 +8,9 @@ from haptigraph.run_report import STAGES, RunReport
 
 __all__ = ["summary"]
 
+MIN_SLIPPED = 0.02
+"""Of a run's time; less is not worth a line."""
+
 
 def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
     """Return the summary, several lines of text.
@@ -75,6 +78,10 @@ def _loop_lines(report: RunReport) -> list[str]:
         f"loop            {report.steps} steps in {report.wall_s:.1f} s, {rate}, {report.ended}",
         f"overruns        {report.overruns} late, {report.skipped} skipped, {report.dropped} not recorded",
     ]
+    if report.slipped_s > MIN_SLIPPED * report.duration_s:
+        own_s = report.duration_s - report.slipped_s
+        slower = f"slower than real time: {own_s:.1f} s of images took {report.duration_s:.1f} s"
+        lines.append(f"pace            {slower}")
     if report.force:
         lines.append(f"force           {report.force}")
     lines.append(f"{'stage':16}{'p50':>9}{'p99':>12}")

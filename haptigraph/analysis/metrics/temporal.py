@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from haptigraph.graph import SceneGraph
 from haptigraph.inference.claims import Temporal
-from haptigraph.messages import Step
+from haptigraph.messages import OFF, Step
 
 __all__ = ["ClaimResult", "Monitor", "claim_lines"]
 
@@ -72,8 +72,8 @@ class Monitor:
         is_commanded = step.command.pattern.name in self.claim.feels
         commanded_ns = step.stamp_ns if step.timing is None else step.timing.commanded_ns
         delay_ms = ((commanded_ns if is_commanded else step.stamp_ns) - self._since_ns) / 1e6
-        if is_commanded and self._pattern in self.claim.feels:
-            delay_ms = 0.0  # the pattern was already playing
+        if is_commanded and (self._pattern or OFF.name) in self.claim.feels:
+            delay_ms = 0.0  # the pattern was already playing; before the first step there is silence
         self.result.most = max(self.result.most, delay_ms)
         self._is_settled = is_commanded or delay_ms > within_ms
         return delay_ms > within_ms

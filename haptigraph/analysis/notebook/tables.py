@@ -91,7 +91,7 @@ def run_html(run: RunReader) -> str:
         ("participant", info.participant),
         ("trial", info.trial),
         ("recording", state),
-        ("recovered", losses_sentence(run.losses) if run.losses else ""),
+        ("lost", losses_sentence(run.losses) if run.losses else ""),
         ("haptigraph", info.version),
     ]
     table = _table_html(rows, run.path.name)

@@ -1,7 +1,6 @@
 """Start jobs in processes of their own, and pass on their answers."""
 
 import asyncio
-import os
 import pickle
 import subprocess
 import sys
@@ -12,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-import haptigraph
+from haptigraph.child_process import child_environment
 
 __all__ = ["Jobs"]
 
@@ -60,14 +59,12 @@ class Jobs:
                     await process.wait()
 
     async def _start(self, job: str) -> asyncio.subprocess.Process:
-        """Start a job that imports the package that runs here, and nothing from the working directory."""
-        package = str(Path(haptigraph.__file__).parents[1])
-        paths = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
+        """Start a job that imports from where this process does, and so nothing from its working folder."""
         return await asyncio.create_subprocess_exec(
             *(sys.executable, "-P", "-m", MODULE, job, str(self._folder)),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            env=child_environment(),
             start_new_session=True,  # Ctrl-C goes to the parent only
             creationflags=BELOW_NORMAL,
         )

@@ -22,6 +22,7 @@ from haptigraph.perception.eye_view import view_of
 from haptigraph.recording.header import losses_sentence
 from haptigraph.recording.reader import RunReader, StepLocation
 from haptigraph.registration.assumed import assumed_text
+from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.registered import BaseRegistration
 
@@ -52,9 +53,15 @@ def read_run(name: str) -> None:
         "image_from_eye_px": at_px,
         "run": {**msgspec.to_builtins(reader.info), "config": "", "registration": "", "procedure": ""},
         "measures": measures_json(measures, timeline.start_ns),
+        "has_truth": isinstance(registration, Registration) and _has_truth(reader),
         "notes": [*_notes(reader, name), *_assumed_notes(registration)],
     }
     send_message({"type": "timeline", **content, **more}, data)
+
+
+def _has_truth(reader: RunReader) -> bool:
+    capture, _ = next(reader.records(images=()))
+    return capture.truth is not None
 
 
 def measure_outcomes(*names: str) -> None:
@@ -102,8 +109,8 @@ def _notes(reader: RunReader, name: str) -> list[str]:
     """Return warnings about a recording that can be read."""
     if reader.is_being_written:
         return ["This run is still being recorded; the page shows what has been written so far."]
-    if reader.losses is not None:
-        return [f"This recording was recovered; {losses_sentence(reader.losses)}."]
+    lost = losses_sentence(reader.losses) if reader.losses else ""
     if not reader.is_whole:
-        return [f"The recording was interrupted; repair it with `haptigraph recover {name}`."]
-    return []
+        cause = f"This recording is incomplete: {lost}" if lost else "The recording was interrupted"
+        return [f"{cause}; repair it with `haptigraph recover {name}`."]
+    return [f"This recording was recovered; {lost}."] if lost else []

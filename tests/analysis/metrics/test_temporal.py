@@ -12,6 +12,7 @@ from haptigraph.analysis.metrics.temporal import Monitor, claim_lines
 from haptigraph.graph import Node, SceneGraph, Triplet
 from haptigraph.inference.claims import Temporal
 from haptigraph.messages import OFF, Step, Timing
+from haptigraph.run_report import RunReport
 
 TIP, RETINA = "needle_tip", "retina_surface"
 CONTACT = (TIP, "touching", RETINA)
@@ -81,6 +82,15 @@ def test_changes_are_counted_in_every_window(parts):
     assert result.broken == sum(one and not before for before, one in zip([False, *over], over, strict=False))
 
 
+def test_a_run_that_begins_in_silence_has_lost_nothing():
+    silent = Temporal("silent", absent=(TIP,), feels=("off",), within_ms=50)
+    empty = SceneGraph(0, (), ())
+    first = replace(step(0, False, False, commanded_ms=400), graph=empty)
+    assert not Monitor(silent).add(first)
+    late = replace(step(0, False, True, commanded_ms=400), graph=replace(step(0, True, True).graph))
+    assert Monitor(SOON).add(late)  # an alarm is not felt before it is commanded
+
+
 def test_there_is_a_line_per_claim():
     broken = watch(SOON, step(1000, False, False), step(1033, True, True, commanded_ms=1100)).result
     assert claim_lines([broken, watch(CALM).result], 1000 * MS) == [
@@ -111,3 +121,13 @@ def test_premises_may_concern_entities(late):
     result = watch(lost, first, second).result
     assert result.broken == 1
     assert result.most == 60.0
+
+
+def test_a_run_that_is_slower_than_real_time_says_by_how_much(procedure):
+    report = RunReport(steps=700, duration_s=100.0, wall_s=100.0)
+    assert "slower" not in summary(RunMeasures.under(procedure), report)
+    for _ in range(700):
+        report.add_late(110_000_000)
+    text = summary(RunMeasures.under(procedure), report)
+    assert "pace            slower than real time: 23.0 s of images took 100.0 s\n" in text
+    assert "700 late" in text

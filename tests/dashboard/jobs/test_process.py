@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 from event_loop import run_in_thread
+from helpers import call
+from paths import ROOT
 
 from haptigraph.config import SourceConfig
 from haptigraph.dashboard.jobs.main import JOBS
@@ -26,6 +28,18 @@ def test_a_job_runs_in_its_folder_and_reports_progress(recordings):
     *before, last = run_in_thread(answers(Jobs(recordings), "timeline", "quick.mcap"))
     assert {each["type"] for each in before} == {"progress", "places"}
     assert last["type"] == "timeline"
+    assert last["has_truth"]
+
+
+def test_a_job_imports_from_where_its_parent_does(quick_uri, tmp_path, monkeypatch):
+    """As `python -m haptigraph` does from the folder where it started; but never from the job's own folder."""
+    (tmp_path / "module").mkdir()
+    (tmp_path / "module" / "my_lab.py").write_text((ROOT / "tests" / "support" / "own_parts.py").read_text())
+    path = tmp_path / "run.mcap"
+    monkeypatch.syspath_prepend(tmp_path / "module")
+    call("run", quick_uri, "--fast", "--record", path, "--set", "perception.perceiver=my_lab:Perceiver")
+    *_, last = run_in_thread(answers(Jobs(tmp_path), "compare", "run.mcap", "subretinal_injection"))
+    assert last["type"] == "comparison", last
 
 
 def test_a_refusal_is_one_sentence(recordings):

@@ -116,12 +116,34 @@ def test_overlays_can_be_switched(live, open_page):
     assert not page.get_by_label("Zones").is_checked()
 
 
+def test_a_slow_loop_is_not_called_a_slow_connection(live, open_page):
+    """Its banner stands at the edge of the picture, which remains useful."""
+    page = open_page(live.url)
+    until(page, "page.header !== null")
+    late = """async (loop_ms) => {
+      const { page } = await import("/static/live/live.js"), { Banner } = await import("/static/common/state_panel.js");
+      Object.assign(page, { loop_ms, late_ms: 300, wasLate_ms: performance.now(), received_ms: performance.now() });
+      const problem = page.problem();
+      new Banner().update({ ...problem, isCut: true });
+      const heights = ["#banner", "#view"].map((id) => document.querySelector(id).getBoundingClientRect().height);
+      return [problem.title, problem.detail, heights[0] / heights[1]];
+    }"""
+    title, detail, share = page.evaluate(late, 280)
+    assert title == "Perception or machine too slow"
+    assert detail.startswith("The loop takes 0.3 s for an image; this page's haptic feedback stops after ")
+    assert share < 0.1
+    title, detail, _ = page.evaluate(late, 20)
+    assert title == "Connection too slow"
+    assert detail.startswith("Images arrive 0.3 s after their capture")
+
+
 def test_the_uncertainty_region_has_a_radius_of_two_standard_deviations(live, open_page):
     """With its size in words; nothing is drawn of a tip whose standard deviation is unknown."""
     page = open_page(live.url)
     until(page, "Object.keys(page.header?.sd_mm ?? {}).includes('needle_tip')")
     until(
-        page, "/^(± 0[.][0-9]{2}|< 0[.]01) mm$/.test(document.querySelector('#overlays .region').textContent)"
+        page,
+        "/^2 sd (= 0[.][0-9]{2}|< 0[.]01) mm$/.test(document.querySelector('#overlays .region').textContent)",
     )
     region = page.get_by_label("Uncertainty")
     assert region.is_checked()
@@ -140,8 +162,8 @@ def test_the_uncertainty_region_has_a_radius_of_two_standard_deviations(live, op
     }"""
     end_px, words = page.evaluate(draw, {"sd_mm": {"needle_tip": 2}, "overlays": ["uncertainty"]})
     assert abs(end_px - 40) < 3
-    assert words == "± 4.00 mm"
-    assert page.evaluate(draw, {"sd_mm": {"needle_tip": 2}, "overlays": ["cone"]}) == [-1, "± 4.00 mm"]
+    assert words == "2 sd = 4.00 mm"
+    assert page.evaluate(draw, {"sd_mm": {"needle_tip": 2}, "overlays": ["cone"]}) == [-1, "2 sd = 4.00 mm"]
     assert page.evaluate(draw, {"sd_mm": {}, "overlays": ["uncertainty"]}) == [-1, "not estimated"]
 
 

@@ -11,7 +11,7 @@ export class Feed {
   clock = new ServerClock();
   /** @type {Hello | null} */ hello = null;
   /** @type {ImageHeader | null} */ header = null;
-  drawn = 0; received_ms = -Infinity; latency_ms = NaN; late_ms = 0; wasLate_ms = -Infinity; ended = ""; isOpen = false;
+  drawn = 0; received_ms = -Infinity; latency_ms = NaN; late_ms = 0; loop_ms = 0; wasLate_ms = -Infinity; ended = ""; isOpen = false;
 
   /** Tests and benchmarks read the fields, and may set `onImage` and `onDrawn`.
    *  @param {import("./haptics.js").Haptics} haptics @param {FeedHandlers} handlers @param {string} [path] of the socket */
@@ -30,7 +30,10 @@ export class Feed {
         this.received_ms = performance.now();
         const captured_ms = this.clock.page_ms(header.time_ms);
         haptics.keepAlive(captured_ms);
-        if (this.received_ms - captured_ms > haptics.stale_ms) [this.late_ms, this.wasLate_ms] = [this.received_ms - captured_ms, this.received_ms];
+        if (this.received_ms - captured_ms > haptics.stale_ms) {
+          [this.late_ms, this.wasLate_ms] = [this.received_ms - captured_ms, this.received_ms];
+          this.loop_ms = header.commanded_ms - header.time_ms;
+        }
         this.onImage(header);
       },
     };
@@ -68,8 +71,16 @@ export class Feed {
     if (!this.header || !this.hello) return null;
     const silent_ms = performance.now() - this.received_ms;
     if (silent_ms > 200 + 2 * this.hello.stale_ms) return { title: "No data received", detail: `Nothing from the loop for ${(silent_ms / 1000).toFixed(1)} s.`, isCut: true };
-    if (performance.now() - this.wasLate_ms < SLOW_MS) return { title: "Connection too slow", detail: `Images arrive ${(this.late_ms / 1000).toFixed(1)} s after their capture; this page's haptic feedback stops after ${this.hello.deadman_ms} ms.`, isCut: false };
+    if (performance.now() - this.wasLate_ms < SLOW_MS) return this.lateness(this.hello);
     return perceptionProblem(this.header, this.hello);
+  }
+
+  /** Return whether the loop or the connection makes images late. @param {Hello} hello @returns {Problem} */
+  lateness({ deadman_ms }) {
+    const seconds = (/** @type {number} */ ms) => `${(ms / 1000).toFixed(1)} s`, isLoop = this.loop_ms > this.late_ms / 2;
+    const how = isLoop ? `The loop takes ${seconds(this.loop_ms)} for an image` : `Images arrive ${seconds(this.late_ms)} after their capture`;
+    const title = isLoop ? "Perception or machine too slow" : "Connection too slow";
+    return { title, detail: `${how}; this page's haptic feedback stops after ${deadman_ms} ms.`, isCut: false, isSmall: true };
   }
 
   ping() { this.send({ type: "ping", time_ms: performance.now() }); }

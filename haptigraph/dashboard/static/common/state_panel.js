@@ -84,6 +84,7 @@ export class Banner {
       if (banner.hidden) this.shown_ms = now_ms;
       banner.hidden = false;
       banner.classList.toggle("cut", problem.isCut);
+      banner.classList.toggle("small", problem.isSmall ?? false);
       setText(banner.children[0], problem.title);
       setText(banner.children[1], problem.detail);
     } else {

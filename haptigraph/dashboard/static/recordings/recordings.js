@@ -79,11 +79,12 @@ async function open(/** @type {string} */ name) {
 }
 
 function begin(/** @type {string} */ name, /** @type {RecordedRun} */ run) {
-  const { run: info, notes } = run.content;
+  const { run: info, notes, has_truth } = run.content;
   page.run = run;
   $("run").classList.remove("empty");
   const who = [info.participant && `participant ${info.participant}`, info.trial && `trial ${info.trial}`].filter(Boolean);
-  $("about").textContent = [date(info.started_utc), seconds(run.end_ms / 1000), ...who].join(" · ");
+  const truth = has_truth ? [`simulated; errors: haptigraph evaluate ${name}`] : [];
+  $("about").textContent = [date(info.started_utc), seconds(run.end_ms / 1000), ...who, ...truth].join(" · ");
   $("about").title = `${run.length} steps, recorded by haptigraph ${info.version}`;
   showOrHide($("notes"), notes.join("\n"));
   $("timeline").setAttribute("aria-valuemax", String(run.length - 1));

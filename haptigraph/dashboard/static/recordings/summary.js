@@ -17,7 +17,7 @@ export function showMeasures(run, other) {
     ["mean theta", ...measures.map((m) => (m.mean_theta_deg === null ? "–" : `${m.mean_theta_deg.toFixed(2)}°`))],
     ["unintended contacts", ...measures.map((m) => String(m.contacts))],
     ["state changes", ...measures.map((m) => String(m.changes))],
-    ["tip not visible", ...measures.map((m) => (m.tipless_steps ? `${m.tipless_steps} of ${m.steps} steps (${(100 * m.tipless_steps / m.steps).toFixed(1)} %), for up to ${m.longest_tipless_s.toFixed(2)} s` : "never"))],
+    ["tip not visible", ...measures.map((m) => (m.tipless_steps ? `${(100 * m.tipless_steps / m.steps).toFixed(1)} %, up to ${m.longest_tipless_s.toFixed(2)} s` : "never"))],
   ];
   const times = (/** @type {string} */ title, /** @type {"state_s" | "all_state_s"} */ key) => {
     const names = [...new Set(measures.flatMap((m) => Object.keys(m[key])))].sort((a, b) => (measures[0][key][b] ?? 0) - (measures[0][key][a] ?? 0));

@@ -91,7 +91,7 @@ interface RunContent {
   faults: FaultSpan[], measures: Measures,
 }
 interface RecordedContent extends RunContent {
-  hello: Hello, image_from_eye_px: [Vec, Vec, Vec], notes: string[],
+  hello: Hello, image_from_eye_px: [Vec, Vec, Vec], notes: string[], has_truth: boolean,
   run: { started_utc: string, participant: string, trial: string, version: string },
 }
 interface ComparisonContent extends RunContent {

@@ -1,7 +1,7 @@
 /** Types that modules of the pages share, beside the messages. */
 
-/** What makes a view unreliable; `isCut`: the page itself receives nothing. */
-interface Problem { title: string, detail: string, isCut: boolean }
+/** What makes a view unreliable; `isCut`: the page itself receives nothing; `isSmall`: the picture remains useful. */
+interface Problem { title: string, detail: string, isCut: boolean, isSmall?: boolean }
 type Overlay = "needle" | "uncertainty" | "cone" | "zone" | "target" | "port";
 /** A JPEG, or an image that is decoded already. */
 type Picture = Uint8Array<ArrayBuffer> | ImageBitmap | null;
