@@ -6,6 +6,7 @@ from helpers import call, refuse
 from paths import GOLDEN, RENDERINGS
 
 from haptigraph.assemble import load_procedure
+from haptigraph.recording.reader import RunReader
 
 RUN = GOLDEN / "wrong_place_then_hit.mcap"
 
@@ -68,7 +69,7 @@ def test_evaluate_scores_a_recording_of_a_simulated_eye():
     largest = scores["largest_tip_errors_mm"]
     assert len(largest) == 3 and max(largest.values()) >= scores["tip_error_mm"]["p95"]
     assert all(re.fullmatch(r"at \d+\.\d\d s", time) for time in largest)
-    assert scores["origin"]["procedure_sha256"] == load_procedure("subretinal_injection").sha256
+    assert scores["origin"]["procedure_sha256"] == RunReader(RUN).info.procedure_sha256
     assert re.search(r"^tip_error_mm\.median +0\.\d", call("evaluate", RUN).output, re.MULTILINE)
     assert "scored with its own settings" in refuse("evaluate", RUN, "--seed", 1)
     for name, problem in (("ioct_approach", "shows B-scans"), ("membrane_peeling", "reports no needle_tip")):

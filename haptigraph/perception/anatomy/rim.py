@@ -110,9 +110,9 @@ def _expected_rim(smooth: NDArray[np.float32], expected: Expected) -> Rim | None
 
 
 def _expected_walls(smooth: NDArray[np.float32], edge: Edge, expected: Expected) -> Iterator[Rim]:
-    """Yield walls of the expected thickness that have an edge inside or outside."""
+    """Yield walls of the expected thickness that have an edge inside or outside, round as a rig's are."""
     for ratio in (expected.wall_ratio, 1 / expected.wall_ratio):
-        other = edge_near(smooth, edge.center_px, edge.radius_px * ratio, OTHER_REACH, edge)
+        other = edge_near(smooth, edge.center_px, edge.radius_px * ratio, OTHER_REACH)
         inner, outer = (edge, other) if ratio > 1 else (other, edge)
         if inner and outer and expected.is_wall(outer.radius_px / inner.radius_px):
             yield Rim(inner, outer)

@@ -38,7 +38,7 @@ def test_a_trial_that_has_ended_is_no_frozen_picture_and_leaves_with_its_partici
         person.click("text=I agree")
         wait_for_stage(person, "trial/1/1/1")
         begin(person)
-        assert person.is_visible("#keys")
+        person.wait_for_selector("#keys")
         person.route("**/participant/status", lambda _: None)  # a busy server does not respond
         ask(lab, "#abort")
         until(person, "page.ended")

@@ -164,7 +164,7 @@ export class View {
     for (const [name, sd] of Object.entries(sd_mm)) {
       const shape = found[name], radius_mm = REGION_SD * sd;
       if (shape?.type !== "point") continue;
-      setText(this.region, radius_mm < 0.01 ? "2 sd < 0.01 mm" : `2 sd = ${radius_mm.toFixed(2)} mm`);
+      setText(this.region, radius_mm < 0.01 ? "2 sd < 0.01 mm" : `2 sd ${radius_mm.toFixed(2)} mm`);
       if (!this.overlays.uncertainty) continue;
       this.path(circle(shape.at_mm, radius_mm), true);
       c.globalAlpha = 0.25; c.fillStyle = "#fff"; c.fill(); c.globalAlpha = 1;
