@@ -61,9 +61,10 @@ def replay(recording: str, procedure: str | None) -> None:
 
 def _difference_lines(report: "ReplayReport") -> list[str]:
     """Return how two runs differ: first in what the hand feels and why, then in any number."""
-    identical = f"{report.identical} of {report.steps} steps identical"
+    from haptigraph.analysis.metrics.comparison import identical_line
+
     if report.first is None:
-        return [identical]
+        return [identical_line(report.identical, report.steps)]
     lines = [
         f"{what} {verb} for {other.lasts_s:.2f} s in {other.steps} of {report.steps} steps, first at "
         f"{other.first_s:.2f} s (step {other.first_step}): {other.replayed} instead of {other.recorded}"
@@ -80,13 +81,14 @@ def _difference_lines(report: "ReplayReport") -> list[str]:
     if by is not None and by <= ROUNDING and not report.states.steps + report.haptics.steps:
         return [
             *lines,
-            f"{identical}; in the others numbers differ in their last digits, by at most {by:.1g}: states "
-            "and haptic output are the same (documentation: Recordings, Exactness)",
+            f"{report.identical} of {report.steps} steps identical; in the others numbers differ in their "
+            f"last digits, by at most {by:.1g}: states and haptic output are the same (documentation: "
+            "Recordings, Exactness)",
             f"first difference: {where}",
         ]
     return [
         *lines,
-        f"{identical}; the others differ at least in a relation or a number",
+        identical_line(report.identical, report.steps),
         f"first difference: {where}",
         f"  recorded  {first.recorded}\n  replayed  {first.replayed}",
     ]

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -134,10 +135,8 @@ def check(folder: str, store: str | None, unblind: bool, preregistration: str | 
             state = f"frozen since {frozen['frozen_utc'][:16].replace('T', ' ')} UTC{by}\n{summary}"
             sha256 = frozen["protocol_sha256"]
             about = about_study(opened, protocol.study.name)
-        plans = [
-            stored.plan(slot) if stored else plan_of(protocol, slot)
-            for slot in range(protocol.study.participants)
-        ]
+        plan = stored.planner() if stored else partial(plan_of, protocol)
+        plans = [plan(slot) for slot in range(protocol.study.participants)]
     if preregistration is not None:
         _write_preregistration(protocol, about, Path(preregistration))
     for table in protocol_tables(protocol, plans.__getitem__, is_blind=_is_blind(protocol, unblind)):

@@ -4,6 +4,8 @@ Assigns each participant a slot in the counterbalancing.
 """
 
 import re
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from msgspec import Struct, json
@@ -85,11 +87,11 @@ class Study(Struct, frozen=True):
             )
         return participant
 
-    def plan(self, slot: int) -> list[Stage]:
-        """Return all stages of the participant in a slot (from 0); a study of 0.1 keeps its targets."""
+    def planner(self) -> Callable[[int], list[Stage]]:
+        """Return the function from a slot (from 0) to all its stages; a study of 0.1 keeps its targets."""
         frozen = self.store.rows(select(STUDIES.c.software).where(STUDIES.c.study == self.name))
         is_first_draw = any(row["software"].startswith(FIRST_DRAW) for row in frozen)
-        return plan_of(self.protocol, slot, is_first_draw=is_first_draw)
+        return partial(plan_of, self.protocol, is_first_draw=is_first_draw)
 
     def withdraw(self, participant: str) -> None:
         """Mark a participant as withdrawn; the data stay, the slot becomes free.

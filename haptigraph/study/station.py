@@ -95,7 +95,7 @@ class OpenSession:
 
     def __init__(self, study: Study, participant: str, slot: int, number: int) -> None:
         self.study, self.participant, self.slot, self.number = study, participant, slot, number
-        self.plan = study.plan(slot)
+        self.plan = study.planner()(slot)
         self._here = {"study": study.name, "participant": participant}
 
     def next(self) -> Next:

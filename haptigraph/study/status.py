@@ -32,13 +32,13 @@ class ParticipantStatus(Struct, frozen=True):
 def participant_statuses(study: Study) -> list[ParticipantStatus]:
     """Return the status of all participants, in the order of enrolment."""
     statuses = []
-    now = datetime.fromisoformat(study.store.now_utc())
+    now, plan = datetime.fromisoformat(study.store.now_utc()), study.planner()
     for row in study.participants():
         name = row["participant"]
         with study.store.begin() as connection:
             progress = read_progress(connection, study.name, name)
             session = open_session_row(connection, study, name)
-        upcoming = next_of(study.plan(row["slot"]), progress, study.protocol, now)
+        upcoming = next_of(plan(row["slot"]), progress, study.protocol, now)
         station = session.station if session else ""
         void = sum(attempt.void is not None for each in progress.attempts.values() for attempt in each)
         left = row["withdrawn_utc"] is not None

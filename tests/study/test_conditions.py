@@ -104,10 +104,11 @@ def test_a_study_that_0_1_froze_keeps_its_targets(tmp_path):
     with closing(Store(tmp_path / "study.db")) as store:
         study = Study(protocol, store)
         study.enrol()
-        assert study.plan(0) == plan_of(protocol, 0) and not confounded(trials_of(protocol, study.plan))
+        plan = study.planner()
+        assert plan(0) == plan_of(protocol, 0) and not confounded(trials_of(protocol, plan))
         with store.begin() as connection:
             connection.execute(update(STUDIES).values(software="0.1.0"))
-        found = confounded(trials_of(protocol, study.plan))
+        found = confounded(trials_of(protocol, study.planner()))
     assert found == "far_right, right only under visual_haptic; left, middle only under visual_only"
 
 

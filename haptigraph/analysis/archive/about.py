@@ -158,11 +158,3 @@ def changed_settings(config: Config) -> dict[str, Any]:
         for key, value in values.items()
         if value != default[table][key]
     }
-
-
-def _state(reader: RunReader) -> str:
-    if reader.losses is not None:
-        return f"recovered; {losses_sentence(reader.losses)}"
-    if reader.is_being_written:
-        return "still being written"
-    return "complete" if reader.is_whole else "interrupted; `haptigraph recover` repairs it"

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from haptigraph.analysis.batch.summary import counted
 from haptigraph.analysis.plots.svg import FONT, text_svg
+from haptigraph.analysis.words import counted
 
 __all__ = ["paired_bars", "share_bars"]
 
@@ -51,7 +51,7 @@ def share_bars(shares: Sequence[float]) -> str:
     for row, (text, count) in enumerate(zip(EDGE_TEXTS, counts.tolist(), strict=True)):
         y = 6 + 22 * row
         parts.append(text_svg(LEFT_PX - 10, y + 11, text, anchor="end"))
-        parts.append(_bar(y, count / largest, COLORS[1], counted(count)))
+        parts.append(_bar(y, count / largest, COLORS[1], counted(count, "recording")))
     return _svg(10 + 22 * len(EDGE_TEXTS), parts)
 
 

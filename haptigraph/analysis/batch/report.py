@@ -10,9 +10,11 @@ from typing import Any
 from haptigraph.analysis.batch.batch import Batch, open_results
 from haptigraph.analysis.batch.figures import paired_bars, share_bars
 from haptigraph.analysis.batch.results import Row
-from haptigraph.analysis.batch.summary import MAX_LISTED, Moment, Result, Totals, counted
+from haptigraph.analysis.batch.summary import MAX_LISTED, Moment, Result, Totals
 from haptigraph.analysis.evaluation.evaluation import spread
+from haptigraph.analysis.metrics.comparison import identical_line
 from haptigraph.analysis.metrics.page_address import moment_address, page_command, page_procedure
+from haptigraph.analysis.words import counted
 from haptigraph.files import write_files
 
 __all__ = ["write_report"]
@@ -92,7 +94,7 @@ def _flat(result: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def _lines(totals: Totals) -> Iterator[str]:
     sums = totals.sums
-    yield f"{counted(totals.recordings)}, {totals.passed_over} passed over"
+    yield f"{counted(totals.recordings, 'recording')}, {totals.passed_over} passed over"
     if totals.kind == "replay":
         yield (
             f"states differ for {sums['states_differ_s']:.2f} s in {sums['states_differ']} of "
@@ -100,13 +102,12 @@ def _lines(totals: Totals) -> Iterator[str]:
             f"{sums['haptics_differ']}"
         )
         yield (
-            f"changed: {counted(totals.changed)}; state changes: {totals.state_changes[0]} recorded, "
-            f"{totals.state_changes[1]} replayed; alarms: {totals.gained} gained, {totals.lost} lost; "
+            f"changed: {counted(totals.changed, 'recording')}; "
+            f"state changes: {totals.state_changes[0]} recorded, {totals.state_changes[1]} replayed; "
+            f"alarms: {totals.gained} gained, {totals.lost} lost; "
             f"hits: {totals.hits_gained} gained, {totals.hits_lost} lost"
         )
-        others = "; the others differ at least in a relation or a number"
-        identical = f"{sums['identical']} of {sums['steps']} steps identical"
-        yield identical if sums["identical"] == sums["steps"] else identical + others
+        yield identical_line(int(sums["identical"]), int(sums["steps"]))
     for perceiver, tips in totals.tips.items():
         reported = f"{tips['tips']} of {tips['images']} images"
         yield f"{perceiver}: tip reported in {reported}, and {tips['false_tips']} false ones"

@@ -9,7 +9,7 @@ import numpy as np
 
 from haptigraph.analysis.batch.results import Row
 
-__all__ = ["Moment", "Totals", "counted"]
+__all__ = ["Moment", "Result", "Totals"]
 
 MAX_LISTED = 500
 NUMBERS = {
@@ -115,8 +115,3 @@ def _numbers(kind: str, result: Mapping[str, Any]) -> Iterator[tuple[str, float]
         perceiver = result["perceiver"]
         yield from ((f"{perceiver}: tip error [mm]", value) for value in result["tip_errors_mm"])
         yield from ((f"{perceiver}: theta error [deg]", value) for value in result["theta_errors_deg"])
-
-
-def counted(number: int, noun: str = "recording") -> str:
-    """Return a number with its noun in singular or plural."""
-    return f"{number} {noun}{'s' * (number != 1)}"

@@ -7,7 +7,7 @@ from haptigraph.analysis.metrics.replay import ReplayReport
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.analysis.metrics.temporal import ClaimResult
 
-__all__ = ["comparison"]
+__all__ = ["comparison", "identical_line"]
 
 Line = tuple[str, str, str]
 NONE = "-"
@@ -24,6 +24,12 @@ def comparison(report: ReplayReport, procedure: str) -> str:
     table = [head, *_lines(report)]
     widths = [max(len(line[column]) for line in table) for column in range(3)]
     return "\n".join(_line(line, widths) for line in table)
+
+
+def identical_line(identical: int, steps: int) -> str:
+    """Return how many steps are identical to the last bit, and what that says of the others."""
+    line = f"{identical} of {steps} steps identical"
+    return line if identical == steps else f"{line}; the others differ at least in a relation or a number"
 
 
 def _lines(report: ReplayReport) -> Iterator[Line]:

@@ -2,6 +2,7 @@
 
 from rich.table import Table
 
+from haptigraph.analysis.words import counted
 from haptigraph.graph import SceneGraph
 from haptigraph.proof.report import Proof, Violation
 
@@ -34,7 +35,7 @@ def proof_summary(proof: Proof) -> str:
     outcome = (
         f"all {len(proof.claims)} claims proved: {proof.method}"
         if proof.holds
-        else f"{count} violation{'s' if count > 1 else ''} ({proof.method})"
+        else f"{counted(count, 'violation')} ({proof.method})"
     )
     if proof.held_ms:
         held = ", ".join(f"{state} by {ms:g} ms" for state, ms in proof.held_ms.items())

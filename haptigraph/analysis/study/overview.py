@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from rich.table import Table
 
-from haptigraph.analysis.study.quantities import counted
+from haptigraph.analysis.words import counted
 from haptigraph.study.frozen.analysis_plan import Analysis
 from haptigraph.study.frozen.quality import quality_limits
 from haptigraph.study.plan import Stage, conditions_of, inseparable

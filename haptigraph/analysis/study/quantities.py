@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from msgspec import Struct
 
-__all__ = ["FAMILIES", "QUANTITIES", "Quantity", "counted", "state_of", "state_quantities", "words"]
+__all__ = ["FAMILIES", "QUANTITIES", "Quantity", "state_of", "state_quantities", "words"]
 
 FAMILIES = {
     "primary": "the paper's measures",
@@ -54,11 +54,6 @@ def words(name: str) -> str:
     """Return a name in prose: `visual_only` as `Visual only`."""
     text = name.replace("_", " ")
     return text[:1].upper() + text[1:]
-
-
-def counted(number: int, noun: str) -> str:
-    """Return a number with its noun in singular or plural."""
-    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def state_of(column: str) -> str:

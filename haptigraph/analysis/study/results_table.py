@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from haptigraph.analysis.study.preregistered.families import Family
 from haptigraph.analysis.study.preregistered.hypotheses import sentence
-from haptigraph.analysis.study.quantities import counted, words
+from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.statistics.comparison import Comparison, Sample
 from haptigraph.analysis.study.statistics.effects import Effect
@@ -16,6 +16,7 @@ from haptigraph.analysis.study.statistics.equivalence import Equivalence
 from haptigraph.analysis.study.statistics.exact import smallest_p
 from haptigraph.analysis.study.statistics.hit_rate import HitRate
 from haptigraph.analysis.study.statistics.shift import Shift
+from haptigraph.analysis.words import counted
 
 __all__ = [
     "NONE", "Table", "escaped", "hypothesis_table", "latex", "markdown", "mean_text", "number",

@@ -63,8 +63,8 @@ def batch(
     """
     from haptigraph.analysis.batch.batch import Batch, run_batch
     from haptigraph.analysis.batch.report import write_report
-    from haptigraph.analysis.batch.summary import counted
     from haptigraph.analysis.metrics.page_address import PAGE, page_command
+    from haptigraph.analysis.words import counted
 
     if procedure and kind in ("measure", "export"):
         raise BadInput(f"--procedure goes with replay and evaluate; {kind} takes the runs as recorded")
@@ -78,9 +78,10 @@ def batch(
             progress=progress,
         )
     lines = write_report(spec, page or PAGE)
-    click.echo(f"{counted(ran.now)} now, in {time.perf_counter() - start_s:.0f} s; {ran.before} done before")
+    took_s = time.perf_counter() - start_s
+    click.echo(f"{counted(ran.now, 'recording')} now, in {took_s:.0f} s; {ran.before} done before")
     if ran.being_written:
-        click.echo(f"{counted(ran.being_written)} left for later: still being recorded")
+        click.echo(f"{counted(ran.being_written, 'recording')} left for later: still being recorded")
     for line in lines:
         click.echo(line)
     click.echo(f"{Path(output) / 'report.html'}  its links need: {page_command(folder)}")

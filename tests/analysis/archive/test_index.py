@@ -58,15 +58,15 @@ def test_a_state_that_never_occurred_has_a_time_of_0(folder):
     assert len(found) == 4
 
 
-def test_a_row_has_the_settings_that_were_not_the_default(folder):
-    settings = (
-        f"source.uri={folder / NAMES[0]}",
-        "haptics.max_amplitude=0.5",
-        "run.realtime=false",
-        f'recording.path="{folder / "weak.mcap"}"',
-    )
-    build(load_config(None, settings)).run()
+def index_another(folder, name, setting):
+    """Record a run on a recording's images with one more setting, and index it, too."""
+    settings = f"source.uri={folder / NAMES[0]}", "run.realtime=false", f'recording.path="{folder / name}"'
+    build(load_config(None, (*settings, setting))).run()
     update_archive(folder)
+
+
+def test_a_row_has_the_settings_that_were_not_the_default(folder):
+    index_another(folder, "weak.mcap", "haptics.max_amplitude=0.5")
     sql = "select recording from runs where settings like '%haptics.max_amplitude=0.5%'"
     assert rows(folder, sql) == [("weak.mcap",)]
     assert rows(folder, "select count(*) from runs where settings like '%recording.path%'") == [(0,)]
@@ -83,14 +83,7 @@ def test_steps_are_those_of_the_recordings(folder):
 
 
 def test_a_step_has_the_standard_deviations_that_were_recorded(folder):
-    settings = (
-        f"source.uri={folder / NAMES[0]}",
-        "run.procedure=subretinal_injection_cautious",
-        "run.realtime=false",
-        f'recording.path="{folder / "cautious.mcap"}"',
-    )
-    build(load_config(None, settings)).run()
-    update_archive(folder)
+    index_another(folder, "cautious.mcap", "run.procedure=subretinal_injection_cautious")
     for name, has_margins in ((NAMES[1], False), ("cautious.mcap", True)):
         steps = [step for _, step in RunReader(folder / name).records(images=())]
         columns = "needle_tip_sd_mm, needle_line_sd_deg, distance_to_retina_sd_mm"

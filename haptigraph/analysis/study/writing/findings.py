@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import pandas as pd
 
 from haptigraph.analysis.study.preregistered.hypotheses import HypothesisResult, sentence
-from haptigraph.analysis.study.quantities import counted
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.results_table import p_text
 from haptigraph.analysis.study.statistics.exact import smallest_p
+from haptigraph.analysis.words import counted
 from haptigraph.study.plan import inseparable
 
 __all__ = ["findings", "warnings"]

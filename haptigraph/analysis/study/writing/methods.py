@@ -8,12 +8,13 @@ from importlib.metadata import version
 from haptigraph.analysis.study.data_quality import quality_paragraph
 from haptigraph.analysis.study.preregistered.hypotheses import HypothesisResult, sentence
 from haptigraph.analysis.study.preregistered.omissions import NO_HIT
-from haptigraph.analysis.study.quantities import counted, words
+from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.tables import StudyTables
 from haptigraph.analysis.study.traces import Traces
 from haptigraph.analysis.study.writing.estimates import effect_sizes, equivalence, runs_without_hit
 from haptigraph.analysis.study.writing.protocol import protocol_paragraph
+from haptigraph.analysis.words import counted
 from haptigraph.study.questionnaire import Questionnaire
 from haptigraph.version import __version__
 

@@ -1,8 +1,8 @@
 """Paragraph of the methods section on the frozen protocol, and whether it was edited afterwards."""
 
-from haptigraph.analysis.study.quantities import counted
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.tables import StudyTables
+from haptigraph.analysis.words import counted
 
 __all__ = ["edited_note", "protocol_paragraph"]
 
