@@ -7,7 +7,49 @@
 
 #define RATE 0.25f     /* of a new image in the background */
 #define CHUNK 256      /* pixels that are learned at once */
+#define RUN 64         /* pixels that are looked at together: most show no stain */
+#define AHEAD 4        /* rows that are fetched before they are needed: none is in the cache after a wait */
+#define LINE 64        /* bytes that are fetched at once */
 #define MIN_FREE 1e-3f /* share of a window that counts as free */
+
+/* Begin to load some values into the cache, for writing if they are written. */
+static inline void fetch(const void *first, ptrdiff_t bytes) {
+    for (ptrdiff_t at = 0; at < bytes; at += LINE) __builtin_prefetch((const char *)first + at);
+}
+
+/* Write the grey of some pixels, and how much bluer than red they are. */
+static void read_pixels(const uint8_t *image, int channels, int share, const uint8_t *is_inside, int count,
+                        float *restrict grey, float *restrict bluer) {
+    uint8_t blue[CHUNK], green[CHUNK], red[CHUNK];
+    if (channels == 1) {
+        for (int at = 0; at < count; at++) grey[at] = image[at], bluer[at] = 0;
+        return;
+    }
+    for (int at = 0; at < count; at++) {
+        blue[at] = image[3 * at], green[at] = image[3 * at + 1], red[at] = image[3 * at + 2];
+    }
+    for (int at = 0; at < count; at++) {
+        const int whole = grey_of_color(blue[at], green[at], red[at], is_inside[at] ? share : 0);
+        grey[at] = (float)((whole + WHOLE / 2) / WHOLE), bluer[at] = (float)(blue[at] - red[at]);
+    }
+}
+
+/* Write the rate at which each pixel is learned, and that it was visible. */
+static void rates_of(const uint8_t *is_free, uint8_t *restrict was_visible, int count, float *restrict rate) {
+    uint8_t usual = 1;
+    for (int at = 0; at < count; at++) usual &= is_free[at] & was_visible[at];
+    for (int at = 0; at < count; at++) rate[at] = RATE;
+    if (usual) return;
+    for (int at = 0; at < count; at++) {
+        const float free = is_free[at], before = was_visible[at];
+        rate[at] = free * (1 + before * (RATE - 1));
+        was_visible[at] |= is_free[at];
+    }
+}
+
+static void approach(const float *seen, const float *rate, int count, float *restrict plane) {
+    for (int at = 0; at < count; at++) plane[at] += rate[at] * (seen[at] - plane[at]);
+}
 
 /* Learn what is visible of the background in one region.
 
@@ -15,35 +57,47 @@
    chroma_share: of blue less red in the grey within the globe.
    is_free: pixels of the region that the needle does not occlude, (rows, columns).
    was_visible: pixels that were free before; what is free for the first time is taken as it is.
-   grey, chroma: the background, and how much bluer than red it is. */
+   grey, chroma: the background, and how much bluer than red it is; NULL if that is not learned. */
 VECTORS EXPORT void learn_background(const uint8_t *image, int channels, ptrdiff_t width, int rows,
                                      int columns, double chroma_share, const uint8_t *is_inside,
-                                     const uint8_t *is_free, uint8_t *restrict was_visible,
-                                     float *restrict grey, float *restrict chroma) {
+                                     const uint8_t *is_free, uint8_t *was_visible, float *grey,
+                                     float *chroma) {
     const int share = whole_share(chroma_share);
+    float seen[CHUNK], bluer[CHUNK], rate[CHUNK];
     for (int row = 0; row < rows; row++) {
         for (int start = 0; start < columns; start += CHUNK) {
             const int count = columns - start < CHUNK ? columns - start : CHUNK;
-            float seen[CHUNK], bluer[CHUNK], rate[CHUNK];
-            const uint8_t *pixel = image + channels * start;
-            for (int at = 0; channels == 3 && at < count; at++, pixel += 3) {
-                seen[at] = (float)((grey_of(pixel, is_inside[start + at] ? share : 0) + WHOLE / 2) / WHOLE);
-                bluer[at] = (float)(pixel[0] - pixel[2]);
+            const ptrdiff_t at = row * width + start, ahead = at + AHEAD * width;
+            if (row + AHEAD < rows) {
+                fetch(image + channels * ahead, channels * count);
+                fetch(is_inside + ahead, count), fetch(was_visible + ahead, count);
+                fetch(grey + ahead, count * (ptrdiff_t)sizeof *grey);
+                if (chroma) fetch(chroma + ahead, count * (ptrdiff_t)sizeof *chroma);
             }
-            for (int at = 0; channels == 1 && at < count; at++) seen[at] = pixel[at], bluer[at] = 0;
-            for (int at = 0; at < count; at++) {
-                const float free = is_free[start + at], before = was_visible[start + at];
-                rate[at] = free * (1 + before * (RATE - 1));
-                was_visible[start + at] |= is_free[start + at];
-            }
-            for (int at = 0; at < count; at++) {
-                grey[start + at] += rate[at] * (seen[at] - grey[start + at]);
-                chroma[start + at] += rate[at] * (bluer[at] - chroma[start + at]);
-            }
+            read_pixels(image + channels * at, channels, share, is_inside + at, count, seen, bluer);
+            rates_of(is_free + row * (ptrdiff_t)columns + start, was_visible + at, count, rate);
+            approach(seen, rate, count, grey + at);
+            if (chroma) approach(bluer, rate, count, chroma + at);
         }
-        image += channels * width, is_free += columns;
-        is_inside += width, was_visible += width, grey += width, chroma += width;
     }
+}
+
+static inline uint8_t larger(uint8_t one, uint8_t other) { return one > other ? one : other; }
+
+/* Return by how much a value is larger than another; 0 if it is not. */
+static inline uint8_t excess(uint8_t one, uint8_t other) { return (uint8_t)(larger(one, other) - other); }
+
+/* Return whether any of RUN pixels may be marked. Every byte is taken for the first of a pixel, which
+   is faster than to separate them; `is_first` is 255 for those that are, else 0. Reads two bytes more. */
+static int any_stain(const uint8_t *image, const uint8_t *is_first, uint8_t dye_grey, uint8_t blood_grey) {
+    uint8_t any = 0;
+    for (int at = 0; at < 3 * RUN; at++) {
+        const uint8_t blue = image[at], green = image[at + 1], red = image[at + 2];
+        const uint8_t bluer = excess(excess(blue, larger(green, red)), dye_grey);
+        const uint8_t redder = excess(excess(red, larger(blue, green)), blood_grey);
+        any |= is_first[at] & (bluer | redder);
+    }
+    return any;
 }
 
 /* Mark what is much bluer than any other colour, dye, and what is much redder, blood.
@@ -55,19 +109,28 @@ VECTORS EXPORT void mark_stains(const uint8_t *image, ptrdiff_t width, int rows,
                                 int min_blue_grey, int min_red_grey, const uint8_t *is_inside,
                                 uint8_t *restrict dye, uint8_t *restrict blood, int *counts) {
     const int16_t dye_grey = (int16_t)min_blue_grey, blood_grey = (int16_t)min_red_grey;
+    uint8_t is_first[3 * RUN];
+    for (int at = 0; at < 3 * RUN; at++) is_first[at] = at % 3 ? 0 : 255;
     counts[0] = counts[1] = 0;
     for (int row = 0; row < rows; row++) {
-        uint8_t any = 0;
-        for (int column = 0; column < columns; column++) {
-            const uint8_t *pixel = image + 3 * column;
-            const int16_t blue = pixel[0], green = pixel[1], red = pixel[2];
-            const int16_t cooler = blue - red, bluer = blue - green, redder = red - green;
-            dye[column] = (cooler > dye_grey) & (bluer > dye_grey) & is_inside[column];
-            blood[column] = (-cooler > blood_grey) & (redder > blood_grey) & is_inside[column];
-            any |= dye[column] | blood[column];
-        }
-        for (int column = 0; any && column < columns; column++) {
-            counts[0] += dye[column], counts[1] += blood[column];
+        for (int start = 0; start < columns; start += RUN) {
+            const int stop = start + RUN < columns ? start + RUN : columns;
+            if (row + AHEAD < rows) fetch(image + 3 * (AHEAD * width + start), 3 * (stop - start));
+            if (stop < columns &&
+                !any_stain(image + 3 * start, is_first, (uint8_t)dye_grey, (uint8_t)blood_grey)) {
+                memset(dye + start, 0, RUN), memset(blood + start, 0, RUN);
+                continue;
+            }
+            for (int column = start; column < stop; column++) {
+                const uint8_t *pixel = image + 3 * column;
+                const int16_t blue = pixel[0], green = pixel[1], red = pixel[2];
+                const int16_t cooler = blue - red, bluer = blue - green, redder = red - green;
+                dye[column] = (cooler > dye_grey) & (bluer > dye_grey) & is_inside[column];
+                blood[column] = (-cooler > blood_grey) & (redder > blood_grey) & is_inside[column];
+            }
+            for (int column = start; column < stop; column++) {
+                counts[0] += dye[column], counts[1] += blood[column];
+            }
         }
         image += 3 * width, is_inside += columns, dye += columns, blood += columns;
     }

@@ -39,7 +39,7 @@ def learn_background(
     is_free: Mask,
     was_visible: Mask,
     grey: FloatImage,
-    chroma: FloatImage,
+    chroma: FloatImage | None,
 ) -> None:
     """Learn what is visible of the background in a region; what is free for the first time as it is.
 
@@ -51,15 +51,16 @@ def learn_background(
         is_free: Pixels of the region that the needle does not occlude.
         was_visible: Pixels that were free before, (h, w); is updated.
         grey: The background, (h, w); is updated.
-        chroma: How much bluer than red it is, (h, w); is updated.
+        chroma: How much bluer than red it is, (h, w); is updated, unless it is None.
     """
     size_px = np.shape(image)[:2]
     pixels, channels = checked_image("image", image, size_px)
     first, rows, columns = _checked_region(region, size_px)
-    planes = (is_inside, BOOL, 1), (was_visible, BOOL, 1), (grey, FLOAT, 4), (chroma, FLOAT, 4)
-    inside, visible, grey_at, chroma_at = (
+    planes = (is_inside, BOOL, 1), (was_visible, BOOL, 1), (grey, FLOAT, 4)
+    inside, visible, grey_at = (
         checked("plane", plane, dtype, size_px) + size * first for plane, dtype, size in planes
     )
+    chroma_at = 0 if chroma is None else checked("chroma", chroma, FLOAT, size_px) + 4 * first
     free = checked("is_free", is_free, BOOL, (rows, columns))
     share = checked_share("chroma_share", chroma_share)
     _learn_background(

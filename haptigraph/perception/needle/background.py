@@ -6,6 +6,8 @@ of rows, which takes next to no time. Also chooses the grey, for an orange backg
 metal in the shade, but it is not as blue; and measures how much brighter the eye would be in good light.
 """
 
+import math
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Vec, unit
 from haptigraph.imaging import FloatImage, chroma_of, grey_of, grey_with_chroma
 from haptigraph.messages import Image
-from haptigraph.perception.native.pixels import learn_background
+from haptigraph.perception.native.pixels import Region, learn_background
 from haptigraph.perception.needle.rectify import (
     OUTSIDE_MM,
     UNOBSERVED,
@@ -44,21 +46,27 @@ class Background:
     Args:
         eye: The eye's geometry.
         registered: The registration's background image, if any; newer images replace it.
+        reach_px: How far from the globe's centre it is learned, in grey alone; if None, wherever a needle can
+            be, with its colour.
     """
 
-    def __init__(self, eye: EyeGeometry, registered: BackgroundImage | None = None) -> None:
+    def __init__(
+        self, eye: EyeGeometry, registered: BackgroundImage | None = None, reach_px: float | None = None
+    ) -> None:
         self._eye, self._registered = eye, registered
         self._is_inside = eye.is_inside()
         row, column = (EVERY_PX * part for part in self._is_inside[::EVERY_PX, ::EVERY_PX].nonzero())
         self._sampled = row * eye.width_px + column  # indices of the pixels for colour and light
-        self._bands = eye.bands(BANDS)
+        self._bands, self._learns_chroma = eye.bands(BANDS), reach_px is None
+        if reach_px is not None:
+            self._bands = [_within(band, eye.center_px, reach_px) for band in self._bands]
         self.reset()
 
     def reset(self) -> None:
         """Forget everything."""
         self.grey: FloatImage = np.full((self._eye.height_px, self._eye.width_px), UNOBSERVED, np.float32)
         self.chroma: FloatImage = np.zeros_like(self.grey)
-        """How much bluer than red it is, where the grey is known."""
+        """How much bluer than red it is, where the grey is known, unless the grey alone is learned."""
         self.chroma_share = 0.0
         """How much of blue less red is added to the grey within the globe."""
         self.light = 1.0
@@ -116,14 +124,26 @@ class Background:
 
     def _learn_band(self, image: Image, band: int, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
         rows, columns = self._bands[band]
+        if columns.start >= columns.stop:
+            return
         is_free = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.bool_)
         if needle is not None:
             corners = stripe(needle, width_px, (columns.start, rows.start))
             cv2.fillConvexPoly(is_free.view(np.uint8), corners, 0, shift=4)
         learn_background(
             *(image, (rows, columns), self.chroma_share, self._is_inside, is_free),
-            *(self._was_visible, self.grey, self.chroma),
+            *(self._was_visible, self.grey, self.chroma if self._learns_chroma else None),
         )
+
+
+def _within(band: Region, center_px: Vec, radius_px: float) -> Region:
+    """Return the part of a band that a circle reaches."""
+    rows, columns = band
+    x, y = center_px
+    aside = max(rows.start - y, y - rows.stop, 0.0)
+    half_px = math.sqrt(max(radius_px**2 - aside**2, 0.0))
+    first, stop = max(columns.start, math.floor(x - half_px)), min(columns.stop, math.ceil(x + half_px) + 1)
+    return rows, slice(first, stop if half_px else first)
 
 
 def _chroma_share(sample: Image) -> float:

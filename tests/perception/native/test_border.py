@@ -20,6 +20,7 @@ from msgspec.structs import replace
 from haptigraph.perception.native import (
     bscan,
     bscan_needle,
+    jaws,
     rectification,
     search_grid,
     sharpness,
@@ -90,8 +91,16 @@ def images(count):
     return np.random.default_rng(count).integers(0, 256, (count, *SIZE_PX, 3), dtype=np.uint8)
 
 
+def shaft_patch():
+    """A dark shaft in the middle of a patch of its surroundings."""
+    grey = np.full((LANES, STATIONS), 90, np.uint8)
+    grey[14:19, :45] = 20
+    return grey
+
+
 REGION = slice(2, 6), slice(5, 14)
 FLAGS = "continues", "is_outside", "follows_point", "follows_faint", "uses_chroma"
+JAWS = "core_px", "visible_px", "globe", "is_other", "min_length_px", "max_difference_px"
 APPEARANCE = (math.nan, math.nan, 0.0, math.nan, math.nan)
 POSITIONS = (16, u_px(), (8.0, 6.0), (0.0, 1.0), (1.0, 0.0))
 
@@ -139,6 +148,13 @@ WRAPPERS = {
     "mark_stains": (
         region_pixels.mark_stains,
         lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 22, 60, *np.ones((3, 4, 9), bool)],
+    ),
+    "find_jaws": (
+        lambda *given: jaws.find_jaws(*given[:4], **dict(zip(JAWS, given[4:], strict=True))),
+        lambda: [
+            *(shaft_patch(), np.dstack([shaft_patch()] * 3), np.full((LANES, STATIONS), 90, np.float32), 1.0),
+            *(2, 30, ((30.0, 16.0), 40.0), np.zeros((LANES, STATIONS), bool), 3.0, 9.0),
+        ],
     ),
     "fill_marked": (
         region_pixels.fill_marked,
@@ -220,6 +236,13 @@ WRAPPERS = {
         RectifiedStrip,
         lambda: [u_px(), 16, excess(), excess(), np.ones(STATIONS, bool), slice(0, 9), slice(12, 60), 2.0],
     ),
+}
+
+# What may be None: the numbers of the arguments.
+OPTIONAL = {
+    "surface_lines": (2, 6),  # standard deviations
+    "learn_background": (7,),  # how much bluer than red the background is
+    "find_jaws": (1, 7),  # colours, and another instrument
 }
 
 
@@ -321,7 +344,10 @@ def test_right_arguments_are_accepted(name):
 
 
 def test_every_wrapper_is_tested():
-    modules = bscan, bscan_needle, region_pixels, rectification, search_grid, sharpness, strip, surface_lines
+    modules = (
+        *(bscan, bscan_needle, jaws, region_pixels, rectification, search_grid, sharpness, strip),
+        surface_lines,
+    )
     values = {name: value for module in modules for name, value in vars(module).items()}
     functions = {name.lstrip("_") for name, value in values.items() if type(value).__name__ == "_FuncPtr"}
     assert functions == set(WRAPPERS) - {"RectifiedStrip"}
@@ -351,7 +377,7 @@ def test_a_wrong_type_is_refused_in_a_sentence(name):
             arguments[number] = wrong
             if name == "RectifiedStrip" and number == 1:  # half_px, which C does not read
                 continue
-            if name == "surface_lines" and number in (2, 6) and wrong is None:  # no standard deviations
+            if wrong is None and number in OPTIONAL.get(name, ()):
                 continue
             with pytest.raises((TypeError, ValueError), match=r"\w+ \w+ \w+") as caught:
                 call(*arguments)
