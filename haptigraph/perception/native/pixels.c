@@ -5,12 +5,13 @@
 
 #include "native.h"
 
-#define RATE 0.25f     /* of a new image in the background */
-#define CHUNK 256      /* pixels that are learned at once */
-#define RUN 64         /* pixels that are looked at together: most show no stain */
-#define AHEAD 4        /* rows that are fetched before they are needed: none is in the cache after a wait */
-#define LINE 64        /* bytes that are fetched at once */
-#define MIN_FREE 1e-3f /* share of a window that counts as free */
+#define RATE 0.25f       /* of a new image in the background */
+#define CHUNK 256        /* pixels that are learned at once */
+#define RUN 64           /* pixels that are looked at together: most show no stain */
+#define AHEAD 4          /* rows that are fetched before they are needed: none is in the cache after a wait */
+#define SAMPLES_AHEAD 16 /* the same of pixels far apart */
+#define LINE 64          /* bytes that are fetched at once */
+#define MIN_FREE 1e-3f   /* share of a window that counts as free */
 
 /* Begin to load some values into the cache, for writing if they are written. */
 static inline void fetch(const void *first, ptrdiff_t bytes) {
@@ -193,4 +194,21 @@ VECTORS EXPORT void fill_marked(const uint8_t *image, ptrdiff_t width, int rows,
         }
         add_row(image + 3 * width * first, is_filled + (ptrdiff_t)columns * first, columns, -1, sums);
     }
+}
+
+/* Return the grey of the pixel that so many of some pixels are not brighter than, that one not counted.
+
+   image, channels: BGR or grey.
+   pixels: their indices, (count). */
+VECTORS EXPORT int ranked_grey(const uint8_t *image, int channels, const int32_t *pixels, int count,
+                               int rank) {
+    int counts[256] = {0}, grey = 0;
+    for (int number = 0; number < count; number++) {
+        const uint8_t *pixel = image + (ptrdiff_t)channels * pixels[number];
+        const int ahead = number + SAMPLES_AHEAD < count ? number + SAMPLES_AHEAD : number;
+        __builtin_prefetch(image + (ptrdiff_t)channels * pixels[ahead]);
+        counts[channels == 1 ? *pixel : (grey_of(pixel, 0) + WHOLE / 2) / WHOLE]++;
+    }
+    for (rank -= counts[0]; rank >= 0 && grey < 255; rank -= counts[grey]) grey++;
+    return grey;
 }

@@ -1,9 +1,11 @@
-"""Passes over the pixels of a whole region: learning of the background, stained tissue (`pixels.c`)."""
+"""Passes over many pixels: learning of the background, light, stained tissue (`pixels.c`)."""
 
+import ctypes
 from operator import index
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptigraph.imaging import FloatImage, Mask
 from haptigraph.messages import Image
@@ -11,14 +13,16 @@ from haptigraph.perception.native.arrays import (
     BOOL,
     BYTE,
     FLOAT,
+    INT,
     address,
     checked,
+    checked_copy,
     checked_image,
     checked_share,
 )
 from haptigraph.perception.native.library import LIBRARY
 
-__all__ = ["Region", "fill_marked", "learn_background", "mark_stains"]
+__all__ = ["PixelSample", "Region", "fill_marked", "learn_background", "mark_stains"]
 
 Region = tuple[slice, slice]
 """Rows and columns of an image, each with a start and a stop within it."""
@@ -27,8 +31,34 @@ MAX_GREY = 255
 MAX_REACH_PX = 1000  # the sum of a window's grey fits an int
 
 _learn_background = LIBRARY.function("learn_background", "piniidppppp")
+_ranked_grey = LIBRARY.function("ranked_grey", "pipii", ctypes.c_int)
 _mark_stains = LIBRARY.function("mark_stains", "pniiiipppp")
 _fill_marked = LIBRARY.function("fill_marked", "pniipipp")
+
+
+class PixelSample:
+    """Some pixels of all images of one size. It keeps a copy: nobody changes an index after its check.
+
+    Args:
+        size_px: Height and width of the images.
+        pixels: Their indices, ascending, (n,) int32.
+    """
+
+    def __init__(self, size_px: tuple[int, int], pixels: NDArray[np.int32]) -> None:
+        height_px, width_px = self._size_px = index(size_px[0]), index(size_px[1])
+        self._pixels = checked_copy("pixels", pixels, INT, (len(pixels),), height_px * width_px)
+
+    def ranked_grey(self, image: Image, rank: int) -> int:
+        """Return the grey of the pixel that has so many before it in the order of their grey.
+
+        Args:
+            image: (h, w, 3) BGR or (h, w) grey.
+            rank: From 0 to less than the number of pixels.
+        """
+        first, channels = checked_image("image", image, self._size_px)
+        if not 0 <= index(rank) < len(self._pixels):
+            raise ValueError(f"rank: expected one of {len(self._pixels)} pixels; found {rank}")
+        return int(_ranked_grey(first, channels, address(self._pixels), len(self._pixels), rank))
 
 
 def learn_background(

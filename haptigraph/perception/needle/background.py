@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Vec, unit
 from haptigraph.imaging import FloatImage, chroma_of, grey_of, grey_with_chroma
 from haptigraph.messages import Image
-from haptigraph.perception.native.pixels import Region, learn_background
+from haptigraph.perception.native.pixels import PixelSample, Region, learn_background
 from haptigraph.perception.needle.rectify import (
     OUTSIDE_MM,
     UNOBSERVED,
@@ -56,7 +56,8 @@ class Background:
         self._eye, self._registered = eye, registered
         self._is_inside = eye.is_inside()
         row, column = (EVERY_PX * part for part in self._is_inside[::EVERY_PX, ::EVERY_PX].nonzero())
-        self._sampled = row * eye.width_px + column  # indices of the pixels for colour and light
+        self._sampled = (row * eye.width_px + column).astype(np.int32)  # pixels for colour and light
+        self._sample = PixelSample(self._is_inside.shape, self._sampled)
         self._bands, self._learns_chroma = eye.bands(BANDS), reach_px is None
         if reach_px is not None:
             self._bands = [_within(band, eye.center_px, reach_px) for band in self._bands]
@@ -70,7 +71,7 @@ class Background:
         self.chroma_share = 0.0
         """How much of blue less red is added to the grey within the globe."""
         self.light = 1.0
-        """How many times brighter the eye would be in good light; 1 where it is bright enough."""
+        """How many times brighter the eye would be in good light; 1 in good light, or in the dark."""
         self._band = 0
         self.is_new = True
         self._was_visible, self._to_restore = np.zeros(self.grey.shape, np.bool_), self._registered
@@ -79,9 +80,11 @@ class Background:
         """Measure the light and, until something is learned, choose the grey."""
         if not len(self._sampled):
             return
-        sample = image.reshape(-1, *image.shape[2:]).take(self._sampled, axis=0)  # 1/8 of the time of a mask
-        self.light = _light(sample)
+        rank = len(self._sampled) * BRIGHTEST // 100
+        brightest = self._sample.ranked_grey(np.ascontiguousarray(image), rank)
+        self.light = max(LIT_GREY / brightest, 1.0) if brightest >= DARK_GREY else 1.0
         if self.is_new:
+            sample = image.reshape(-1, *image.shape[2:]).take(self._sampled, axis=0)  # faster than a mask
             self.chroma_share = _chroma_share(sample)
             self._restore(image)
 
@@ -172,13 +175,6 @@ def _gain_since(registered: BackgroundImage, image: Image) -> float | None:
     gain = float(now.sum()) / max(float(before.sum()), 1.0)
     change = float(np.percentile(np.abs(now - gain * before), ALIKE))
     return gain if change <= MAX_CHANGE * float(now.mean()) else None
-
-
-def _light(sample: Image) -> float:
-    """Return how many times brighter the eye would be in good light; 1 in good light, or in the dark."""
-    grey, rank = sample if sample.ndim == 1 else grey_of(sample[None])[0], len(sample) * BRIGHTEST // 100
-    brightest = float(np.partition(grey, rank)[rank])
-    return max(LIT_GREY / brightest, 1.0) if brightest >= DARK_GREY else 1.0
 
 
 def occluded_ends(eye: EyeGeometry, line: Line, until_px: float) -> tuple[Vec, Vec]:

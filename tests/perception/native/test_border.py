@@ -145,6 +145,10 @@ WRAPPERS = {
         region_pixels.learn_background,
         lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 0.2, *make_planes()],
     ),
+    "ranked_grey": (
+        lambda *given: region_pixels.PixelSample(*given[:2]).ranked_grey(*given[2:]),
+        lambda: [SIZE_PX, np.arange(30, dtype=np.int32), np.ones((*SIZE_PX, 3), np.uint8), 20],
+    ),
     "mark_stains": (
         region_pixels.mark_stains,
         lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 22, 60, *np.ones((3, 4, 9), bool)],
