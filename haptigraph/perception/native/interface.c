@@ -36,6 +36,9 @@ EXPORT const Entry entries[] = {
     SIZE(SearchGrid), F(pixels), F(is_inside), F(sampled), F(samples), F(flanks), F(is_observable),
     F(pixel_count), F(sampled_count), F(rows), F(cells), F(trocar),
 #undef F
+#define F(field) FIELD(Marked, field)
+    SIZE(Marked), F(count), F(first_row), F(last_row), F(first_column), F(last_column),
+#undef F
 #define F(field) FIELD(JawPatch, field)
     SIZE(JawPatch), F(grey), F(pixels), F(background), F(is_other), F(light), F(center_px), F(radius_px),
     F(min_length_px), F(max_difference_px), F(lanes), F(stations), F(core), F(visible), SIZE(Run),

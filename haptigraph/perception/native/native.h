@@ -105,6 +105,11 @@ typedef struct {
     int uses_chroma;     /* whether its contrast is that of its colour, too */
 } TipPatch;
 
+/* How many pixels of a mask are marked, and the first and last row and column that have some. */
+typedef struct {
+    int count, first_row, last_row, first_column, last_column;
+} Marked;
+
 /* A part of the image along the shaft of forceps: lanes across it, stations along it, a pixel each. */
 typedef struct {
     const uint8_t *grey;            /* (lanes, stations) */

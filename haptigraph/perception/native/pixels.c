@@ -101,18 +101,32 @@ static int any_stain(const uint8_t *image, const uint8_t *is_first, uint8_t dye_
     return any;
 }
 
+/* Count the marked pixels in a part of a row. */
+static void count_marked(const uint8_t *mask, int row, int start, int stop, Marked *marked) {
+    int count = 0;
+    for (int column = start; column < stop; column++) count += mask[column];
+    if (!count) return;
+    while (!mask[start]) start++;
+    while (!mask[stop - 1]) stop--;
+    marked->count += count, marked->last_row = row;
+    marked->first_row = row < marked->first_row ? row : marked->first_row;
+    marked->first_column = start < marked->first_column ? start : marked->first_column;
+    marked->last_column = stop - 1 > marked->last_column ? stop - 1 : marked->last_column;
+}
+
 /* Mark what is much bluer than any other colour, dye, and what is much redder, blood.
 
    image: BGR, `width` pixels wide, from the region's first pixel on.
    is_inside: where tissue is looked for, (rows, columns), as `dye` and `blood`.
-   counts: receives the number of marked pixels of each. */
+   dyed, bloody: receive how many pixels are marked, and first and last row and column of these. */
 VECTORS EXPORT void mark_stains(const uint8_t *image, ptrdiff_t width, int rows, int columns,
                                 int min_blue_grey, int min_red_grey, const uint8_t *is_inside,
-                                uint8_t *restrict dye, uint8_t *restrict blood, int *counts) {
+                                uint8_t *restrict dye, uint8_t *restrict blood, Marked *dyed,
+                                Marked *bloody) {
     const int16_t dye_grey = (int16_t)min_blue_grey, blood_grey = (int16_t)min_red_grey;
     uint8_t is_first[3 * RUN];
     for (int at = 0; at < 3 * RUN; at++) is_first[at] = at % 3 ? 0 : 255;
-    counts[0] = counts[1] = 0;
+    *dyed = *bloody = (Marked){0, rows, -1, columns, -1};
     for (int row = 0; row < rows; row++) {
         for (int start = 0; start < columns; start += RUN) {
             const int stop = start + RUN < columns ? start + RUN : columns;
@@ -129,9 +143,7 @@ VECTORS EXPORT void mark_stains(const uint8_t *image, ptrdiff_t width, int rows,
                 dye[column] = (cooler > dye_grey) & (bluer > dye_grey) & is_inside[column];
                 blood[column] = (-cooler > blood_grey) & (redder > blood_grey) & is_inside[column];
             }
-            for (int column = start; column < stop; column++) {
-                counts[0] += dye[column], counts[1] += blood[column];
-            }
+            count_marked(dye, row, start, stop, dyed), count_marked(blood, row, start, stop, bloody);
         }
         image += 3 * width, is_inside += columns, dye += columns, blood += columns;
     }
@@ -155,23 +167,25 @@ static void add_row(const uint8_t *image, const uint8_t *is_filled, int columns,
     }
 }
 
-/* Fill the marked pixels of a row with the mean of the others in the window about each. */
-static void fill_row(const uint8_t *is_filled, int columns, int reach, const int *sums, uint8_t *filled) {
+/* Fill the marked pixels of a row, from a first to a last column, with the mean of the others in the window
+   about each. */
+static void fill_row(const uint8_t *is_filled, int first, int last, int columns, int reach, const int *sums,
+                     uint8_t *filled) {
     const double scale = 1.0 / square(2 * reach + 1);
     int window[4] = {0};
-    for (int column = -reach; column < reach; column++) {
+    for (int column = first - reach; column < first + reach; column++) {
         for (int k = 0; k < 4; k++) window[k] += sums[k * columns + mirrored(column, columns)];
     }
-    for (int column = 0; column < columns; column++) {
-        const int last = mirrored(column + reach, columns), first = mirrored(column - reach, columns);
-        for (int k = 0; k < 4; k++) window[k] += sums[k * columns + last];
+    for (int column = first; column <= last; column++) {
+        const int entering = mirrored(column + reach, columns), leaving = mirrored(column - reach, columns);
+        for (int k = 0; k < 4; k++) window[k] += sums[k * columns + entering];
         if (is_filled[column] && window[3]) {
             const float share = (float)maximum((float)(window[3] * scale), MIN_FREE);
             for (int k = 0; k < 3; k++) {
                 filled[3 * column + k] = (uint8_t)((float)(window[k] * scale) / share);
             }
         }
-        for (int k = 0; k < 4; k++) window[k] -= sums[k * columns + first];
+        for (int k = 0; k < 4; k++) window[k] -= sums[k * columns + leaving];
     }
 }
 
@@ -189,8 +203,11 @@ VECTORS EXPORT void fill_marked(const uint8_t *image, ptrdiff_t width, int rows,
         add_row(image + 3 * width * last, is_filled + (ptrdiff_t)columns * last, columns, 1, sums);
         if (middle < 0) continue;
         const uint8_t *marked = is_filled + (ptrdiff_t)columns * middle;
-        if (memchr(marked, 1, (size_t)columns)) {
-            fill_row(marked, columns, reach, sums, filled + 3 * width * middle);
+        int from = 0, last_marked = columns - 1;
+        while (from < columns && !marked[from]) from++;
+        while (last_marked > from && !marked[last_marked]) last_marked--;
+        if (from < columns) {
+            fill_row(marked, from, last_marked, columns, reach, sums, filled + 3 * width * middle);
         }
         add_row(image + 3 * width * first, is_filled + (ptrdiff_t)columns * first, columns, -1, sums);
     }

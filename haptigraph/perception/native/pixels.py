@@ -5,6 +5,7 @@ from operator import index
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.imaging import FloatImage, Mask
@@ -22,7 +23,7 @@ from haptigraph.perception.native.arrays import (
 )
 from haptigraph.perception.native.library import LIBRARY
 
-__all__ = ["PixelSample", "Region", "fill_marked", "learn_background", "mark_stains"]
+__all__ = ["Marked", "PixelSample", "Region", "fill_marked", "learn_background", "mark_stains"]
 
 Region = tuple[slice, slice]
 """Rows and columns of an image, each with a start and a stop within it."""
@@ -30,10 +31,19 @@ Region = tuple[slice, slice]
 MAX_GREY = 255
 MAX_REACH_PX = 1000  # the sum of a window's grey fits an int
 
+_MARKED = LIBRARY.layout("Marked", ("i", "count first_row last_row first_column last_column"))
 _learn_background = LIBRARY.function("learn_background", "piniidppppp")
 _ranked_grey = LIBRARY.function("ranked_grey", "pipii", ctypes.c_int)
-_mark_stains = LIBRARY.function("mark_stains", "pniiiipppp")
+_mark_stains = LIBRARY.function("mark_stains", "pniiiippppp")
 _fill_marked = LIBRARY.function("fill_marked", "pniipipp")
+
+
+class Marked(Struct, frozen=True):
+    """Marked pixels of a mask."""
+
+    count: int
+    within: Region
+    """Rows and columns from the first to the last that has some; empty without any."""
 
 
 class PixelSample:
@@ -107,8 +117,8 @@ def mark_stains(
     is_inside: Mask,
     dye: Mask,
     blood: Mask,
-) -> tuple[int, int]:
-    """Mark dye and blood in a region, and count their pixels.
+) -> tuple[Marked, Marked]:
+    """Mark dye and blood in a region; return how many pixels are dye, how many blood, and where.
 
     Args:
         image: (h, w, 3) BGR.
@@ -125,13 +135,15 @@ def mark_stains(
     if not (0 <= min_blue_grey <= MAX_GREY and 0 <= min_red_grey <= MAX_GREY):
         raise ValueError(f"stains: expected 0 to {MAX_GREY}; found {min_blue_grey} and {min_red_grey}")
     masks = (("is_inside", is_inside), ("dye", dye), ("blood", blood))
-    counts = np.empty(2, np.int32)
+    found = np.empty(2 * _MARKED.size, np.uint8)
+    dyed_at = address(found)
     _mark_stains(
         *(pixels + 3 * first, size_px[1], rows, columns, min_blue_grey, min_red_grey),
         *(checked(name, mask, BOOL, (rows, columns)) for name, mask in masks),
-        address(counts),
+        *(dyed_at, dyed_at + _MARKED.size),
     )
-    return int(counts[0]), int(counts[1])
+    dyed, bloody = (_marked(*values) for values in _MARKED.iter_unpack(found.data))
+    return dyed, bloody
 
 
 def fill_marked(image: Image, region: Region, is_filled: Mask, reach_px: int, filled: Image) -> None:
@@ -163,6 +175,10 @@ def fill_marked(image: Image, region: Region, is_filled: Mask, reach_px: int, fi
         ),
         *(reach_px, address(sums), target + 3 * first),
     )
+
+
+def _marked(count: int, top: int, bottom: int, left: int, right: int) -> Marked:
+    return Marked(count, (slice(top, bottom + 1), slice(left, right + 1)))
 
 
 def _checked_region(region: Region, size_px: tuple[Any, ...]) -> tuple[int, int, int]:

@@ -505,7 +505,10 @@ def test_dye_is_bluer_and_blood_is_redder_than_any_other_colour():
     dyed, bled = region_pixels.mark_stains(image, REGION, 22, 60, is_inside, dye, blood)
     assert [tuple(place) for place in np.argwhere(dye)] == [(1, 1)]
     assert [tuple(place) for place in np.argwhere(blood)] == [(2, 2)]
-    assert (dyed, bled) == (1, 1)
+    assert (dyed, bled) == (
+        region_pixels.Marked(1, (slice(1, 2), slice(1, 2))),
+        region_pixels.Marked(1, (slice(2, 3), slice(2, 3))),
+    )
 
 
 @given(arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))), st.integers(0, 12))

@@ -30,9 +30,16 @@ def test_stains_are_the_same_wherever_they_are(stains, columns):
             (red - np.maximum(green, blue) > RED_GREY) & is_inside,
         )
         dye, blood = np.ones((2, *blue.shape), bool)
-        counts = mark_stains(image, region, BLUE_GREY, RED_GREY, is_inside, dye, blood)
+        found = mark_stains(image, region, BLUE_GREY, RED_GREY, is_inside, dye, blood)
         np.testing.assert_array_equal((dye, blood), expected)
-        assert counts == (expected[0].sum(), expected[1].sum())
+        for marked, mask in zip(found, expected, strict=True):
+            assert marked.count == mask.sum()
+            if not marked.count:
+                assert mask[marked.within].size == 0
+                continue
+            rows, columns_of = (each.nonzero()[0] for each in (mask.any(axis=1), mask.any(axis=0)))
+            within = slice(rows[0], rows[-1] + 1), slice(columns_of[0], columns_of[-1] + 1)
+            assert marked.within == within
 
 
 @pytest.mark.parametrize("free", [1.0, 0.5])
