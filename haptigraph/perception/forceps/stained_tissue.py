@@ -60,8 +60,11 @@ class StainedTissue:
         rows, columns = self._box
         row, column = np.ogrid[rows, columns]
         self._above_mm = (radius_mm - np.hypot(column - x, row - y) * image.mm_per_px).astype(np.float32)
-        self._inside = self._above_mm > RIM_MM
-        self._dye, self._blood = np.empty((2, *self._inside.shape), np.bool_)
+        inside = self._above_mm > RIM_MM
+        last = inside.shape[1] - inside[:, ::-1].argmax(axis=1)
+        ends = np.where(inside.any(axis=1), (inside.argmax(axis=1), last), 0)
+        self._spans = np.ascontiguousarray(ends.T, np.int32)  # columns of each row within the globe
+        self._dye, self._blood = np.empty((2, *inside.shape), np.bool_)
         self._undyed = np.empty((registration.height_px, registration.width_px, 3), np.uint8)
 
     def __call__(self, image: Image) -> tuple[dict[str, Geometry], Image]:
@@ -77,7 +80,7 @@ class StainedTissue:
         if image.ndim == 2:
             return {}, image
         found: dict[str, Geometry] = {}
-        planes = self._inside, self._dye, self._blood
+        planes = self._spans, self._dye, self._blood
         dyed, bloody = mark_stains(image, self._box, BLUE_GREY, RED_GREY, *planes)
         if (stain := self._stain(self._dye, dyed, MIN_DYE_MM2)) is not None:
             found["membrane_edge"] = self._edge(stain)
@@ -99,7 +102,7 @@ class StainedTissue:
     def _without_dye(self, image: Image, dye: _Stain) -> Image:
         """Return an image with the dye filled from its surroundings."""
         width = max(round(FILL_MM * self._px_per_mm), SPREAD_PX) | 1
-        (height, columns), (rows, across) = self._inside.shape, dye.within
+        (height, columns), (rows, across) = self._dye.shape, dye.within
         margin = width // 2 + SPREAD_PX // 2  # as far as pixels are averaged about those that are filled
         about = (
             slice(max(rows.start - margin, 0), min(rows.stop + margin, height)),

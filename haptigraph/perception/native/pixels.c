@@ -13,9 +13,9 @@
 #define LINE 64          /* bytes that are fetched at once */
 #define MIN_FREE 1e-3f   /* share of a window that counts as free */
 
-/* Begin to load some values into the cache, for writing if they are written. */
+/* Begin to load some values into the cache's second level: the first would overflow. */
 static inline void fetch(const void *first, ptrdiff_t bytes) {
-    for (ptrdiff_t at = 0; at < bytes; at += LINE) __builtin_prefetch((const char *)first + at);
+    for (ptrdiff_t at = 0; at < bytes; at += LINE) __builtin_prefetch((const char *)first + at, 0, 2);
 }
 
 /* Write the grey of some pixels, and how much bluer than red they are. */
@@ -56,7 +56,7 @@ static void approach(const float *seen, const float *rate, int count, float *res
 
    image, channels: BGR or grey, `width` pixels wide, from the region's first pixel on; so are the planes.
    chroma_share: of blue less red in the grey within the globe.
-   is_free: pixels of the region that the needle does not occlude, (rows, columns).
+   is_free: pixels of the region that the needle does not occlude, (rows, columns); NULL if it is elsewhere.
    was_visible: pixels that were free before; what is free for the first time is taken as it is.
    grey, chroma: the background, and how much bluer than red it is; NULL if that is not learned. */
 VECTORS EXPORT void learn_background(const uint8_t *image, int channels, ptrdiff_t width, int rows,
@@ -65,6 +65,8 @@ VECTORS EXPORT void learn_background(const uint8_t *image, int channels, ptrdiff
                                      float *chroma) {
     const int share = whole_share(chroma_share);
     float seen[CHUNK], bluer[CHUNK], rate[CHUNK];
+    uint8_t all_free[CHUNK];
+    memset(all_free, 1, sizeof all_free);
     for (int row = 0; row < rows; row++) {
         for (int start = 0; start < columns; start += CHUNK) {
             const int count = columns - start < CHUNK ? columns - start : CHUNK;
@@ -76,7 +78,8 @@ VECTORS EXPORT void learn_background(const uint8_t *image, int channels, ptrdiff
                 if (chroma) fetch(chroma + ahead, count * (ptrdiff_t)sizeof *chroma);
             }
             read_pixels(image + channels * at, channels, share, is_inside + at, count, seen, bluer);
-            rates_of(is_free + row * (ptrdiff_t)columns + start, was_visible + at, count, rate);
+            const uint8_t *free = is_free ? is_free + row * (ptrdiff_t)columns + start : all_free;
+            rates_of(free, was_visible + at, count, rate);
             approach(seen, rate, count, grey + at);
             if (chroma) approach(bluer, rate, count, chroma + at);
         }
@@ -117,35 +120,38 @@ static void count_marked(const uint8_t *mask, int row, int start, int stop, Mark
 /* Mark what is much bluer than any other colour, dye, and what is much redder, blood.
 
    image: BGR, `width` pixels wide, from the region's first pixel on.
-   is_inside: where tissue is looked for, (rows, columns), as `dye` and `blood`.
+   spans: first column in which tissue is looked for, and first in which it is not, of each row.
+   dye, blood: receive what is either, (rows, columns).
    dyed, bloody: receive how many pixels are marked, and first and last row and column of these. */
 VECTORS EXPORT void mark_stains(const uint8_t *image, ptrdiff_t width, int rows, int columns,
-                                int min_blue_grey, int min_red_grey, const uint8_t *is_inside,
+                                int min_blue_grey, int min_red_grey, const int32_t *spans,
                                 uint8_t *restrict dye, uint8_t *restrict blood, Marked *dyed,
                                 Marked *bloody) {
     const int16_t dye_grey = (int16_t)min_blue_grey, blood_grey = (int16_t)min_red_grey;
     uint8_t is_first[3 * RUN];
     for (int at = 0; at < 3 * RUN; at++) is_first[at] = at % 3 ? 0 : 255;
     *dyed = *bloody = (Marked){0, rows, -1, columns, -1};
-    for (int row = 0; row < rows; row++) {
-        for (int start = 0; start < columns; start += RUN) {
-            const int stop = start + RUN < columns ? start + RUN : columns;
+    memset(dye, 0, (size_t)(rows * (ptrdiff_t)columns)),
+        memset(blood, 0, (size_t)(rows * (ptrdiff_t)columns));
+    for (int row = 0; row < rows; row++, spans += 2) {
+        const int end = spans[1] < columns ? spans[1] : columns;
+        for (int start = spans[0] > 0 ? spans[0] : 0; start < end; start += RUN) {
+            const int stop = end - start < RUN ? end : start + RUN;
             if (row + AHEAD < rows) fetch(image + 3 * (AHEAD * width + start), 3 * (stop - start));
-            if (stop < columns &&
+            if (columns - start > RUN &&
                 !any_stain(image + 3 * start, is_first, (uint8_t)dye_grey, (uint8_t)blood_grey)) {
-                memset(dye + start, 0, RUN), memset(blood + start, 0, RUN);
                 continue;
             }
             for (int column = start; column < stop; column++) {
                 const uint8_t *pixel = image + 3 * column;
                 const int16_t blue = pixel[0], green = pixel[1], red = pixel[2];
                 const int16_t cooler = blue - red, bluer = blue - green, redder = red - green;
-                dye[column] = (cooler > dye_grey) & (bluer > dye_grey) & is_inside[column];
-                blood[column] = (-cooler > blood_grey) & (redder > blood_grey) & is_inside[column];
+                dye[column] = (cooler > dye_grey) & (bluer > dye_grey);
+                blood[column] = (-cooler > blood_grey) & (redder > blood_grey);
             }
             count_marked(dye, row, start, stop, dyed), count_marked(blood, row, start, stop, bloody);
         }
-        image += 3 * width, is_inside += columns, dye += columns, blood += columns;
+        image += 3 * width, dye += columns, blood += columns;
     }
 }
 

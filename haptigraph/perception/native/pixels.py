@@ -76,7 +76,7 @@ def learn_background(
     region: Region,
     chroma_share: float,
     is_inside: Mask,
-    is_free: Mask,
+    is_free: Mask | None,
     was_visible: Mask,
     grey: FloatImage,
     chroma: FloatImage | None,
@@ -88,7 +88,7 @@ def learn_background(
         region: Part of the image.
         chroma_share: Of blue less red in the grey within the globe, -1 to 1.
         is_inside: Pixels within the globe, (h, w).
-        is_free: Pixels of the region that the needle does not occlude.
+        is_free: Pixels of the region that the needle does not occlude; None if it is elsewhere.
         was_visible: Pixels that were free before, (h, w); is updated.
         grey: The background, (h, w); is updated.
         chroma: How much bluer than red it is, (h, w); is updated, unless it is None.
@@ -96,12 +96,11 @@ def learn_background(
     size_px = np.shape(image)[:2]
     pixels, channels = checked_image("image", image, size_px)
     first, rows, columns = _checked_region(region, size_px)
-    planes = (is_inside, BOOL, 1), (was_visible, BOOL, 1), (grey, FLOAT, 4)
-    inside, visible, grey_at = (
-        checked("plane", plane, dtype, size_px) + size * first for plane, dtype, size in planes
-    )
+    inside = checked("is_inside", is_inside, BOOL, size_px) + first
+    visible = checked("was_visible", was_visible, BOOL, size_px) + first
+    grey_at = checked("grey", grey, FLOAT, size_px) + 4 * first
     chroma_at = 0 if chroma is None else checked("chroma", chroma, FLOAT, size_px) + 4 * first
-    free = checked("is_free", is_free, BOOL, (rows, columns))
+    free = 0 if is_free is None else checked("is_free", is_free, BOOL, (rows, columns))
     share = checked_share("chroma_share", chroma_share)
     _learn_background(
         *(pixels + channels * first, channels, size_px[1], rows, columns, share),
@@ -114,7 +113,7 @@ def mark_stains(
     region: Region,
     min_blue_grey: int,
     min_red_grey: int,
-    is_inside: Mask,
+    spans: NDArray[np.int32],
     dye: Mask,
     blood: Mask,
 ) -> tuple[Marked, Marked]:
@@ -125,7 +124,7 @@ def mark_stains(
         region: Part of the image.
         min_blue_grey: What is bluer by more than that than it is green or red is dye, 0 to 255.
         min_red_grey: What is redder by more than that than it is green or blue is blood, 0 to 255.
-        is_inside: Pixels of the region that may be either.
+        spans: First column of each row that may be either, and the first that may not again, (h, 2) int32.
         dye: Receives those that are dye, (h, w) of the region.
         blood: Receives those that are blood.
     """
@@ -134,11 +133,12 @@ def mark_stains(
     first, rows, columns = _checked_region(region, size_px)
     if not (0 <= min_blue_grey <= MAX_GREY and 0 <= min_red_grey <= MAX_GREY):
         raise ValueError(f"stains: expected 0 to {MAX_GREY}; found {min_blue_grey} and {min_red_grey}")
-    masks = (("is_inside", is_inside), ("dye", dye), ("blood", blood))
+    masks = (("dye", dye), ("blood", blood))
     found = np.empty(2 * _MARKED.size, np.uint8)
     dyed_at = address(found)
     _mark_stains(
         *(pixels + 3 * first, size_px[1], rows, columns, min_blue_grey, min_red_grey),
+        checked("spans", spans, INT, (rows, 2)),
         *(checked(name, mask, BOOL, (rows, columns)) for name, mask in masks),
         *(dyed_at, dyed_at + _MARKED.size),
     )

@@ -28,7 +28,7 @@ static void average_cells(const SearchGrid *grid, const uint8_t *image, int chan
     for (int start = 0; start < loaded; start += CHUNK) {
         const int stop = start + CHUNK < loaded ? start + CHUNK : loaded;
         for (int number = stop + AHEAD; number < stop + AHEAD + CHUNK && number < count; number += STEP) {
-            __builtin_prefetch(image + 3 * pixels[number]);
+            __builtin_prefetch(image + 3 * pixels[number], 0, 2);
         }
         for (int number = start; number < stop; number++) {
             const int pixel = *(const Word *)(image + 3 * pixels[number]);

@@ -129,14 +129,21 @@ class Background:
         rows, columns = self._bands[band]
         if columns.start >= columns.stop:
             return
-        is_free = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.bool_)
-        if needle is not None:
+        is_free = None
+        if needle is not None and _reaches(needle, width_px, rows):
+            is_free = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.bool_)
             corners = stripe(needle, width_px, (columns.start, rows.start))
             cv2.fillConvexPoly(is_free.view(np.uint8), corners, 0, shift=4)
         learn_background(
             *(image, (rows, columns), self.chroma_share, self._is_inside, is_free),
             *(self._was_visible, self.grey, self.chroma if self._learns_chroma else None),
         )
+
+
+def _reaches(ends: tuple[Vec, Vec], width_px: int, rows: slice) -> bool:
+    """Return whether a stripe may reach some rows."""
+    (_, one), (_, other) = ends
+    return bool(min(one, other) - width_px < rows.stop and max(one, other) + width_px > rows.start)
 
 
 def _within(band: Region, center_px: Vec, radius_px: float) -> Region:

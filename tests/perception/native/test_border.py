@@ -99,6 +99,7 @@ def shaft_patch():
 
 
 REGION = slice(2, 6), slice(5, 14)
+SPANS = np.array([(0, 9)] * 4, np.int32)
 FLAGS = "continues", "is_outside", "follows_point", "follows_faint", "uses_chroma"
 JAWS = "core_px", "visible_px", "globe", "is_other", "min_length_px", "max_difference_px"
 APPEARANCE = (math.nan, math.nan, 0.0, math.nan, math.nan)
@@ -151,7 +152,7 @@ WRAPPERS = {
     ),
     "mark_stains": (
         region_pixels.mark_stains,
-        lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 22, 60, *np.ones((3, 4, 9), bool)],
+        lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 22, 60, SPANS.copy(), *np.ones((2, 4, 9), bool)],
     ),
     "find_jaws": (
         lambda *given: jaws.find_jaws(*given[:4], **dict(zip(JAWS, given[4:], strict=True))),
@@ -245,7 +246,7 @@ WRAPPERS = {
 # What may be None: the numbers of the arguments.
 OPTIONAL = {
     "surface_lines": (2, 6),  # standard deviations
-    "learn_background": (7,),  # how much bluer than red the background is
+    "learn_background": (4, 7),  # what is free, and how much bluer than red the background is
     "find_jaws": (1, 7),  # colours, and another instrument
 }
 
@@ -473,7 +474,16 @@ def test_a_search_grid_does_not_notice_later_changes_of_its_arrays():
 def test_a_region_beyond_the_image_is_refused(region):
     image = np.ones((*SIZE_PX, 3), np.uint8)
     with pytest.raises(ValueError, match="expected one within 12 x 16 px"):
-        region_pixels.mark_stains(image, region, 22, 60, *np.ones((3, 4, 9), bool))
+        region_pixels.mark_stains(image, region, 22, 60, SPANS, *np.ones((2, 4, 9), bool))
+
+
+def test_tissue_is_looked_for_within_the_region_whatever_its_spans_say():
+    image = np.full((*SIZE_PX, 3), (200, 50, 50), np.uint8)
+    spans = np.array([(-(2**31), 2**31 - 1), (5, 3), (9, 40), (-4, 2)], np.int32)
+    dye, blood = np.ones((2, 4, 9), bool)
+    region_pixels.mark_stains(image, REGION, 22, 60, spans, dye, blood)
+    assert dye.sum(axis=1).tolist() == [9, 0, 0, 2]
+    assert not blood.any()
 
 
 def test_the_background_learns_only_what_is_free_and_takes_what_is_new_as_it_is():
@@ -499,10 +509,10 @@ def test_dye_is_bluer_and_blood_is_redder_than_any_other_colour():
         (122, 100, 90),
         (9, 9, 99),
     )
-    is_inside = np.ones((4, 9), bool)
-    is_inside[1, 4] = False
+    spans = SPANS.copy()
+    spans[1, 1] = 4
     dye, blood = np.ones((2, 4, 9), bool)
-    dyed, bled = region_pixels.mark_stains(image, REGION, 22, 60, is_inside, dye, blood)
+    dyed, bled = region_pixels.mark_stains(image, REGION, 22, 60, spans, dye, blood)
     assert [tuple(place) for place in np.argwhere(dye)] == [(1, 1)]
     assert [tuple(place) for place in np.argwhere(blood)] == [(2, 2)]
     assert (dyed, bled) == (

@@ -24,13 +24,15 @@ def test_stains_are_the_same_wherever_they_are(stains, columns):
     for seed in range(5):
         image, region = make_image(seed, stains), (slice(1, 40), columns)
         blue, green, red = (image[region][..., k].astype(int) for k in range(3))
-        is_inside = np.random.default_rng(seed).random(blue.shape) < 0.9
+        column = np.arange(blue.shape[1])
+        spans = np.random.default_rng(seed).integers((0, 40), (30, 701), (len(blue), 2), np.int32)
+        is_inside = (column >= spans[:, :1]) & (column < spans[:, 1:])
         expected = (
             (blue - np.maximum(green, red) > BLUE_GREY) & is_inside,
             (red - np.maximum(green, blue) > RED_GREY) & is_inside,
         )
         dye, blood = np.ones((2, *blue.shape), bool)
-        found = mark_stains(image, region, BLUE_GREY, RED_GREY, is_inside, dye, blood)
+        found = mark_stains(image, region, BLUE_GREY, RED_GREY, spans, dye, blood)
         np.testing.assert_array_equal((dye, blood), expected)
         for marked, mask in zip(found, expected, strict=True):
             assert marked.count == mask.sum()
