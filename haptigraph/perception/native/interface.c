@@ -41,7 +41,10 @@ EXPORT const Entry entries[] = {
 #undef F
 #define F(field) FIELD(JawPatch, field)
     SIZE(JawPatch), F(grey), F(pixels), F(background), F(is_other), F(light), F(center_px), F(radius_px),
-    F(min_length_px), F(max_difference_px), F(lanes), F(stations), F(core), F(visible), SIZE(Run),
+    F(min_length_px), F(max_difference_px), F(lanes), F(stations), F(core), F(visible),
+#undef F
+#define F(field) FIELD(Run, field)
+    SIZE(Run), F(lane), F(first), F(stop), F(part), F(on_line),
 #undef F
 #define F(field) FIELD(LineFit, field)
     SIZE(LineFit), F(offset_px), F(slope), F(covariance), F(width_px), F(blur_px), F(scatter), F(appearance),

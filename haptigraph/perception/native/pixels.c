@@ -18,6 +18,14 @@ static inline void fetch(const void *first, ptrdiff_t bytes) {
     for (ptrdiff_t at = 0; at < bytes; at += LINE) __builtin_prefetch((const char *)first + at, 0, 2);
 }
 
+static inline void write_grey(const uint8_t *blue, const uint8_t *green, const uint8_t *red, int share,
+                              const uint8_t *is_inside, int count, float *restrict grey) {
+    for (int at = 0; at < count; at++) {
+        const int whole = grey_of_color(blue[at], green[at], red[at], is_inside[at] ? share : 0);
+        grey[at] = (float)((whole + WHOLE / 2) / WHOLE);
+    }
+}
+
 /* Write the grey of some pixels, and how much bluer than red they are. */
 static void read_pixels(const uint8_t *image, int channels, int share, const uint8_t *is_inside, int count,
                         float *restrict grey, float *restrict bluer) {
@@ -29,10 +37,12 @@ static void read_pixels(const uint8_t *image, int channels, int share, const uin
     for (int at = 0; at < count; at++) {
         blue[at] = image[3 * at], green[at] = image[3 * at + 1], red[at] = image[3 * at + 2];
     }
-    for (int at = 0; at < count; at++) {
-        const int whole = grey_of_color(blue[at], green[at], red[at], is_inside[at] ? share : 0);
-        grey[at] = (float)((whole + WHOLE / 2) / WHOLE), bluer[at] = (float)(blue[at] - red[at]);
+    if (share) {
+        write_grey(blue, green, red, share, is_inside, count, grey);
+    } else {
+        write_grey(blue, green, red, 0, is_inside, count, grey); /* compiled to half as much */
     }
+    for (int at = 0; at < count; at++) bluer[at] = (float)(blue[at] - red[at]);
 }
 
 /* Write the rate at which each pixel is learned, and that it was visible. */
