@@ -65,8 +65,10 @@ class Background:
 
     def reset(self) -> None:
         """Forget everything."""
-        self.grey: FloatImage = np.full((self._eye.height_px, self._eye.width_px), UNOBSERVED, np.float32)
-        self.chroma: FloatImage = np.zeros_like(self.grey)
+        planes = np.empty((2, self._eye.height_px, self._eye.width_px), np.float32)  # at once: in large pages
+        planes[0], planes[1] = UNOBSERVED, 0
+        self.grey: FloatImage = planes[0]
+        self.chroma: FloatImage = planes[1]
         """How much bluer than red it is, where the grey is known, unless the grey alone is learned."""
         self.chroma_share = 0.0
         """How much of blue less red is added to the grey within the globe."""
