@@ -11,7 +11,7 @@ from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, subtract, unit
 from haptigraph.messages import Capture, Image, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
-from haptigraph.perception.forceps.jaws import find_jaws
+from haptigraph.perception.forceps.jaws import HALF_WIDTH_MM, find_jaws
 from haptigraph.perception.forceps.stained_tissue import StainedTissue
 from haptigraph.perception.needle.background import Background
 from haptigraph.perception.needle.rectify import EyeGeometry
@@ -23,6 +23,7 @@ __all__ = ["ForcepsPerceiver"]
 PIPE_ENTITIES = {"needle_tip": "light_pipe_tip", "needle_line": "light_pipe_line"}
 OCCLUDED_WIDTH_MM = 4.0  # around the shaft, excluded from the background model: jaws open no wider
 BEYOND_MM = 4.0  # beyond the visible end of the shaft, excluded too: jaws are no longer
+SAMPLING_PX = 3  # beyond a patch, between whose pixels it is interpolated
 MIN_JAW_DEPTH_MM = 2.0  # from the trocar; with less, jaws are not visible yet
 
 
@@ -49,7 +50,9 @@ class ForcepsPerceiver:
         self._stains = StainedTissue(registration)
         eye = EyeGeometry(registration)
         self._px_per_mm, self._globe = eye.px_per_mm, (eye.center_px, eye.inner_px)
-        self._background = Background(eye)
+        self._background = Background(
+            eye, reach_px=eye.inner_px + HALF_WIDTH_MM * eye.px_per_mm + SAMPLING_PX
+        )
 
     def reset(self) -> None:
         """Forget earlier images."""

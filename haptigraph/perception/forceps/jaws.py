@@ -15,23 +15,22 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Vec, norm, subtract, unit
 from haptigraph.imaging import FloatImage, Mask, grey_with_chroma
 from haptigraph.messages import Image
+from haptigraph.perception.native import jaws as native
 from haptigraph.perception.needle.rectify import median
 
-__all__ = ["Jaws", "find_jaws"]
+__all__ = ["HALF_WIDTH_MM", "Jaws", "find_jaws"]
 
 ABOUT_MM = 6.0  # of the rectified patch, before and beyond the shaft's visible end; jaws are no longer
-HALF_WIDTH_MM = 1.7  # of the rectified patch; jaws open no wider
 FLANK_MM = 0.25
 SHAFT_MM = 0.15  # smallest half width of a shaft
 MAX_SHAFT_MM = 0.7
-LEVEL = 0.45  # of the shaft's contrast; its shadow has less
-MIN_CONTRAST_GREY = 12.0
-MAX_CHROMA_GREY = 28  # of metal, between the strongest and the weakest colour; tissue and dye have more
-END_STATIONS = 3
 MAX_DIFFERENCE_MM = 0.7
 MIN_LENGTH_MM = 0.6  # of metal inside the wall
 RIM_PX = 2.0
 OTHER_MM = 1.0  # width of another instrument including blur
+
+HALF_WIDTH_MM = 1.7
+"""Of the rectified patch; jaws open no wider."""
 
 
 class Jaws(Struct, frozen=True):
@@ -114,79 +113,50 @@ def find_jaws(
         return None
     reach_px = min(middle + math.sqrt(radius_px**2 - aside**2), visible_px + about_px)
     patch = _Patch(first_px, along, (max(round(reach_px), 1), 2 * round(HALF_WIDTH_MM * px_per_mm) + 1))
-    metal = _metal(image, background, patch, visible_px, px_per_mm, chroma_share)
-    if metal is None:
-        return None
-    stations, lanes = patch.size
-    x, y = patch.to_patch(center_px)
-    lane, station = np.ogrid[:lanes, :stations]
-    metal &= (station - x) ** 2 + (lane - y) ** 2 < (radius_px - RIM_PX) ** 2
-    if other is not None:
-        _erase(metal, patch, other, px_per_mm)
-    return _jaw_tips(_shaft_component(metal, patch.half), patch, px_per_mm)
+    return _jaws_in(patch, image, background, visible_px, px_per_mm, globe, chroma_share, other)
 
 
-def _metal(
-    image: Image, background: FloatImage, patch: _Patch, visible_px: float, px_per_mm: float, chroma: float
-) -> Mask | None:
-    """Return the pixels that differ from the background about as much as the shaft and are achromatic."""
-    rectified, expected = patch.rectify(image), patch.rectify(background)
-    grey = grey_with_chroma(rectified, chroma, np.True_).astype(np.float32)
+def _jaws_in(
+    patch: _Patch,
+    image: Image,
+    background: FloatImage,
+    visible_px: float,
+    px_per_mm: float,
+    globe: tuple[Vec, float],
+    chroma_share: float,
+    other: tuple[Vec, Vec] | None,
+) -> Jaws | None:
+    """Find the jaws in the patch along the shaft."""
+    pixels, expected = patch.rectify(image), patch.rectify(background)
+    grey = grey_with_chroma(pixels, chroma_share, np.True_)
     flank = max(round(FLANK_MM * px_per_mm), 2)
     beside = np.concatenate([grey[:flank], grey[-flank:]])
     is_known = expected >= 0
     if not is_known.all():
-        expected = np.where(is_known, expected, np.median(beside, axis=0))
-    expected_beside = np.concatenate([expected[:flank], expected[-flank:]])
-    expected *= median(beside) / max(median(expected_beside), 1.0)
-    differs = np.abs(grey - expected)
-    core = max(round(SHAFT_MM * px_per_mm), 1)
-    shaft = differs[patch.half - core : patch.half + core + 1]
-    contrast = median(shaft[:, : max(round(visible_px), 1)].mean(axis=0))
-    if contrast < MIN_CONTRAST_GREY:
-        return None
-    metal = differs >= max(LEVEL * contrast, MIN_CONTRAST_GREY)
-    if image.ndim == 3:
-        blue, green, red = cv2.split(rectified)
-        strongest, weakest = cv2.max(cv2.max(blue, green), red), cv2.min(cv2.min(blue, green), red)
-        metal &= cv2.subtract(strongest, weakest) < MAX_CHROMA_GREY
-    return np.asarray(metal, np.bool_)
+        expected = np.where(is_known, expected, np.median(beside, axis=0).astype(np.float32))
+    gain = median(beside) / max(median(np.concatenate([expected[:flank], expected[-flank:]])), 1.0)
+    center_px, radius_px = globe
+    tips = native.find_jaws(
+        grey,
+        pixels if image.ndim == 3 else None,
+        expected,
+        gain,
+        core_px=max(round(SHAFT_MM * px_per_mm), 1),
+        visible_px=min(max(round(visible_px), 1), patch.size[0]),
+        globe=(patch.to_patch(center_px), radius_px - RIM_PX),
+        is_other=None if other is None else _stripe(patch, other, px_per_mm),
+        min_length_px=MIN_LENGTH_MM * px_per_mm,
+        max_difference_px=MAX_DIFFERENCE_MM * px_per_mm,
+    )
+    return None if tips is None else Jaws(*(patch.to_image(*tip) for tip in tips))
 
 
-def _erase(metal: Mask, patch: _Patch, ends: tuple[Vec, Vec], px_per_mm: float) -> None:
-    """Erase another instrument, except where the shaft itself may be, in place."""
-    stripe = np.zeros(metal.shape, np.uint8)
+def _stripe(patch: _Patch, ends: tuple[Vec, Vec], px_per_mm: float) -> Mask:
+    """Return the pixels of another instrument, except where the shaft itself may be."""
+    lanes, stations = patch.size[::-1]
+    stripe = np.zeros((lanes, stations), np.uint8)
     one, two = (tuple(round(value) for value in patch.to_patch(end)) for end in ends)
     cv2.line(stripe, one, two, 1, max(round(OTHER_MM * px_per_mm), 1))
     kept = round(MAX_SHAFT_MM / 2 * px_per_mm)
     stripe[patch.half - kept : patch.half + kept + 1] = 0
-    metal &= stripe == 0
-
-
-def _shaft_component(metal: Mask, half: int) -> Mask:
-    """Return the connected component that covers most of the shaft's line."""
-    closed = cv2.morphologyEx(metal.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    _, parts = cv2.connectedComponents(closed)
-    on_line = parts[half - 1 : half + 2]
-    counts = np.bincount(on_line.ravel(), minlength=2)
-    counts[0] = 0
-    return np.asarray((parts == counts.argmax()) & (parts > 0) if counts.any() else np.zeros_like(metal))
-
-
-def _jaw_tips(part: Mask, patch: _Patch, px_per_mm: float) -> Jaws | None:
-    """Return the ends of a component on either side of the line.
-
-    Jaws are equally long: if only one side extends that far, they are closed and beside the line.
-    """
-    sides = [slice(patch.half, None), slice(None, patch.half + 1)]
-    stations = [np.flatnonzero(part[side].any(axis=0)) for side in sides]
-    reach = [int(each[-1]) if len(each) else 0 for each in stations]
-    if max(reach) < MIN_LENGTH_MM * px_per_mm:
-        return None
-    if abs(reach[0] - reach[1]) > MAX_DIFFERENCE_MM * px_per_mm:
-        sides, reach = [sides[int(np.argmax(reach))]] * 2, [max(reach)] * 2
-    tips = []
-    for side, last in zip(sides, reach, strict=True):
-        lanes = np.nonzero(part[side, max(last - END_STATIONS + 1, 0) : last + 1])[0]
-        tips.append(patch.to_image(last + 0.5, float(lanes.mean()) + (side.start or 0)))
-    return Jaws(*tips)
+    return stripe.view(np.bool_)

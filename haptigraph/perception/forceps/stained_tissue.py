@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Circle, Geometry, Point, nearest_on_polyline, norm, subtract
 from haptigraph.imaging import Mask
 from haptigraph.messages import Image
-from haptigraph.perception.native.pixels import Region, fill_marked, mark_stains
+from haptigraph.perception.native.pixels import Marked, Region, fill_marked, mark_stains
 from haptigraph.registration.camera import Registration
 
 __all__ = ["StainedTissue"]
@@ -60,8 +60,11 @@ class StainedTissue:
         rows, columns = self._box
         row, column = np.ogrid[rows, columns]
         self._above_mm = (radius_mm - np.hypot(column - x, row - y) * image.mm_per_px).astype(np.float32)
-        self._inside = self._above_mm > RIM_MM
-        self._dye, self._blood = np.empty((2, *self._inside.shape), np.bool_)
+        inside = self._above_mm > RIM_MM
+        last = inside.shape[1] - inside[:, ::-1].argmax(axis=1)
+        ends = np.where(inside.any(axis=1), (inside.argmax(axis=1), last), 0)
+        self._spans = np.ascontiguousarray(ends.T, np.int32)  # columns of each row within the globe
+        self._dye, self._blood = np.empty((2, *inside.shape), np.bool_)
         self._undyed = np.empty((registration.height_px, registration.width_px, 3), np.uint8)
 
     def __call__(self, image: Image) -> tuple[dict[str, Geometry], Image]:
@@ -77,7 +80,7 @@ class StainedTissue:
         if image.ndim == 2:
             return {}, image
         found: dict[str, Geometry] = {}
-        planes = self._inside, self._dye, self._blood
+        planes = self._spans, self._dye, self._blood
         dyed, bloody = mark_stains(image, self._box, BLUE_GREY, RED_GREY, *planes)
         if (stain := self._stain(self._dye, dyed, MIN_DYE_MM2)) is not None:
             found["membrane_edge"] = self._edge(stain)
@@ -86,25 +89,24 @@ class StainedTissue:
             found["hemorrhage"] = self._region(stain)
         return found, image
 
-    def _stain(self, marked: Mask, pixels: int, min_mm2: float) -> _Stain | None:
+    def _stain(self, mask: Mask, marked: Marked, min_mm2: float) -> _Stain | None:
         """Return marked pixels without specks; None if there are too few."""
-        if pixels < min_mm2 * self._px_per_mm**2:
+        if marked.count < min_mm2 * self._px_per_mm**2:
             return None
-        x, y, width, height = cv2.boundingRect(marked.view(np.uint8))
-        within = slice(y, y + height), slice(x, x + width)
-        _, parts, facts, _ = cv2.connectedComponentsWithStats(marked[within].view(np.uint8))
+        _, parts, facts, _ = cv2.connectedComponentsWithStats(mask[marked.within].view(np.uint8))
         is_large = facts[:, cv2.CC_STAT_AREA] >= SPECK_MM2 * self._px_per_mm**2
         is_large[0] = False
         part = is_large[parts]
-        return _Stain(part, within) if self._area_mm2(part) >= min_mm2 else None
+        return _Stain(part, marked.within) if self._area_mm2(part) >= min_mm2 else None
 
     def _without_dye(self, image: Image, dye: _Stain) -> Image:
         """Return an image with the dye filled from its surroundings."""
         width = max(round(FILL_MM * self._px_per_mm), SPREAD_PX) | 1
-        (height, columns), (rows, across) = self._inside.shape, dye.within
+        (height, columns), (rows, across) = self._dye.shape, dye.within
+        margin = width // 2 + SPREAD_PX // 2  # as far as pixels are averaged about those that are filled
         about = (
-            slice(max(rows.start - width, 0), min(rows.stop + width, height)),
-            slice(max(across.start - width, 0), min(across.stop + width, columns)),
+            slice(max(rows.start - margin, 0), min(rows.stop + margin, height)),
+            slice(max(across.start - margin, 0), min(across.stop + margin, columns)),
         )
         dyed = np.zeros((about[0].stop - about[0].start, about[1].stop - about[1].start), np.uint8)
         top, left = rows.start - about[0].start, across.start - about[1].start

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from haptigraph.messages import Image
 from haptigraph.perception.native.library import LIBRARY
 
-__all__ = ["address", "checked", "checked_image", "checked_rows", "checked_share"]
+__all__ = ["address", "checked", "checked_copy", "checked_image", "checked_rows", "checked_share"]
 
 MIN_LANES, MAX_LANES = LIBRARY.constant("MIN_LANES"), LIBRARY.constant("MAX_LANES")
 MAX_STATIONS = LIBRARY.constant("MAX_STATIONS")
@@ -40,6 +40,17 @@ def checked(name: str, array: NDArray[Any], dtype: np.dtype[Any], shape: tuple[i
     if array.dtype != dtype or array.shape != shape or not flags.c_contiguous or not flags.aligned:
         raise ValueError(f"{name}: expected contiguous {dtype} of shape {shape}; found {_description(array)}")
     return address(array)
+
+
+def checked_copy(
+    name: str, array: NDArray[Any], dtype: np.dtype[Any], shape: tuple[int, ...], stop: int | None = None
+) -> NDArray[Any]:
+    """Return a checked copy, which nobody can change; `stop` is the least value that is out of range."""
+    checked(name, array, dtype, shape)
+    copy = array.copy()
+    if stop is not None and copy.size and not 0 <= copy.min() <= copy.max() < stop:
+        raise ValueError(f"{name}: expected indices from 0 to {stop - 1}; found {copy.min()} to {copy.max()}")
+    return copy
 
 
 def checked_image(name: str, image: Image, size_px: tuple[int, int]) -> tuple[int, int]:

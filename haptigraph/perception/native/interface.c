@@ -36,6 +36,16 @@ EXPORT const Entry entries[] = {
     SIZE(SearchGrid), F(pixels), F(is_inside), F(sampled), F(samples), F(flanks), F(is_observable),
     F(pixel_count), F(sampled_count), F(rows), F(cells), F(trocar),
 #undef F
+#define F(field) FIELD(Marked, field)
+    SIZE(Marked), F(count), F(first_row), F(last_row), F(first_column), F(last_column),
+#undef F
+#define F(field) FIELD(JawPatch, field)
+    SIZE(JawPatch), F(grey), F(pixels), F(background), F(is_other), F(light), F(center_px), F(radius_px),
+    F(min_length_px), F(max_difference_px), F(lanes), F(stations), F(core), F(visible),
+#undef F
+#define F(field) FIELD(Run, field)
+    SIZE(Run), F(lane), F(first), F(stop), F(part), F(on_line),
+#undef F
 #define F(field) FIELD(LineFit, field)
     SIZE(LineFit), F(offset_px), F(slope), F(covariance), F(width_px), F(blur_px), F(scatter), F(appearance),
     F(is_on_line), F(is_steep), F(blocks), F(on_line), F(max_offset_px),

@@ -105,6 +105,33 @@ typedef struct {
     int uses_chroma;     /* whether its contrast is that of its colour, too */
 } TipPatch;
 
+/* How many pixels of a mask are marked, and the first and last row and column that have some. */
+typedef struct {
+    int count, first_row, last_row, first_column, last_column;
+} Marked;
+
+/* A part of the image along the shaft of forceps: lanes across it, stations along it, a pixel each. */
+typedef struct {
+    const uint8_t *grey;            /* (lanes, stations) */
+    const uint8_t *pixels;          /* the same in colour, BGR; NULL if there is none */
+    const float *background;        /* the eye without forceps, (lanes, stations) */
+    const uint8_t *is_other;        /* pixels of another instrument, (lanes, stations); NULL without one */
+    double light;                   /* how many times brighter the patch is than the background */
+    double center_px[2], radius_px; /* of the globe, less its rim: station and lane */
+    double min_length_px;           /* of metal, from the first station */
+    double max_difference_px;       /* between the lengths of two jaws */
+    int lanes, stations;
+    int core;    /* lanes to either side of the middle one that the shaft covers for sure */
+    int visible; /* stations in which it is visible for sure, from the first on */
+} JawPatch;
+
+/* Marked pixels of a lane without a gap. */
+typedef struct {
+    int lane, first, stop;
+    int part;    /* the first run of those connected with it */
+    int on_line; /* pixels of these on the shaft's line, counted in the first */
+} Run;
+
 static inline double maximum(double one, double other) { return one > other ? one : other; }
 static inline double minimum(double one, double other) { return one < other ? one : other; }
 static inline double square(double value) { return value * value; }
@@ -122,12 +149,17 @@ static inline int clamped(double value, int low, int high) {
 
 static inline int whole_share(double share) { return (int)(WHOLE * share); }
 
-/* Return the grey of a BGR pixel, with a share of blue less red added. */
-static inline int grey_of(const uint8_t *pixel, int chroma) {
+/* Return the grey of a colour, with a share of blue less red added. */
+static inline int grey_of_color(int blue, int green, int red, int chroma) {
     const int max = 255 * WHOLE;
-    int grey = (BLUE + chroma) * pixel[0] + GREEN * pixel[1] + (RED - chroma) * pixel[2];
+    int grey = (BLUE + chroma) * blue + GREEN * green + (RED - chroma) * red;
     grey = grey < 0 ? 0 : grey; /* two plain steps: gcc makes vectors of them */
     return grey > max ? max : grey;
+}
+
+/* Return the same of a BGR pixel. */
+static inline int grey_of(const uint8_t *pixel, int chroma) {
+    return grey_of_color(pixel[0], pixel[1], pixel[2], chroma);
 }
 
 /* Return the (upper) median of some values, which are reordered. */

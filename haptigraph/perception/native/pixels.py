@@ -1,9 +1,12 @@
-"""Passes over the pixels of a whole region: learning of the background, stained tissue (`pixels.c`)."""
+"""Passes over many pixels: learning of the background, light, stained tissue (`pixels.c`)."""
 
+import ctypes
 from operator import index
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
 
 from haptigraph.imaging import FloatImage, Mask
 from haptigraph.messages import Image
@@ -11,14 +14,16 @@ from haptigraph.perception.native.arrays import (
     BOOL,
     BYTE,
     FLOAT,
+    INT,
     address,
     checked,
+    checked_copy,
     checked_image,
     checked_share,
 )
 from haptigraph.perception.native.library import LIBRARY
 
-__all__ = ["Region", "fill_marked", "learn_background", "mark_stains"]
+__all__ = ["Marked", "PixelSample", "Region", "fill_marked", "learn_background", "mark_stains"]
 
 Region = tuple[slice, slice]
 """Rows and columns of an image, each with a start and a stop within it."""
@@ -26,9 +31,44 @@ Region = tuple[slice, slice]
 MAX_GREY = 255
 MAX_REACH_PX = 1000  # the sum of a window's grey fits an int
 
+_MARKED = LIBRARY.layout("Marked", ("i", "count first_row last_row first_column last_column"))
 _learn_background = LIBRARY.function("learn_background", "piniidppppp")
-_mark_stains = LIBRARY.function("mark_stains", "pniiiipppp")
+_ranked_grey = LIBRARY.function("ranked_grey", "pipii", ctypes.c_int)
+_mark_stains = LIBRARY.function("mark_stains", "pniiiippppp")
 _fill_marked = LIBRARY.function("fill_marked", "pniipipp")
+
+
+class Marked(Struct, frozen=True):
+    """Marked pixels of a mask."""
+
+    count: int
+    within: Region
+    """Rows and columns from the first to the last that has some; empty without any."""
+
+
+class PixelSample:
+    """Some pixels of all images of one size. It keeps a copy: nobody changes an index after its check.
+
+    Args:
+        size_px: Height and width of the images.
+        pixels: Their indices, ascending, (n,) int32.
+    """
+
+    def __init__(self, size_px: tuple[int, int], pixels: NDArray[np.int32]) -> None:
+        height_px, width_px = self._size_px = index(size_px[0]), index(size_px[1])
+        self._pixels = checked_copy("pixels", pixels, INT, (len(pixels),), height_px * width_px)
+
+    def ranked_grey(self, image: Image, rank: int) -> int:
+        """Return the grey of the pixel that has so many before it in the order of their grey.
+
+        Args:
+            image: (h, w, 3) BGR or (h, w) grey.
+            rank: From 0 to less than the number of pixels.
+        """
+        first, channels = checked_image("image", image, self._size_px)
+        if not 0 <= index(rank) < len(self._pixels):
+            raise ValueError(f"rank: expected one of {len(self._pixels)} pixels; found {rank}")
+        return int(_ranked_grey(first, channels, address(self._pixels), len(self._pixels), rank))
 
 
 def learn_background(
@@ -36,10 +76,10 @@ def learn_background(
     region: Region,
     chroma_share: float,
     is_inside: Mask,
-    is_free: Mask,
+    is_free: Mask | None,
     was_visible: Mask,
     grey: FloatImage,
-    chroma: FloatImage,
+    chroma: FloatImage | None,
 ) -> None:
     """Learn what is visible of the background in a region; what is free for the first time as it is.
 
@@ -48,19 +88,19 @@ def learn_background(
         region: Part of the image.
         chroma_share: Of blue less red in the grey within the globe, -1 to 1.
         is_inside: Pixels within the globe, (h, w).
-        is_free: Pixels of the region that the needle does not occlude.
+        is_free: Pixels of the region that the needle does not occlude; None if it is elsewhere.
         was_visible: Pixels that were free before, (h, w); is updated.
         grey: The background, (h, w); is updated.
-        chroma: How much bluer than red it is, (h, w); is updated.
+        chroma: How much bluer than red it is, (h, w); is updated, unless it is None.
     """
     size_px = np.shape(image)[:2]
     pixels, channels = checked_image("image", image, size_px)
     first, rows, columns = _checked_region(region, size_px)
-    planes = (is_inside, BOOL, 1), (was_visible, BOOL, 1), (grey, FLOAT, 4), (chroma, FLOAT, 4)
-    inside, visible, grey_at, chroma_at = (
-        checked("plane", plane, dtype, size_px) + size * first for plane, dtype, size in planes
-    )
-    free = checked("is_free", is_free, BOOL, (rows, columns))
+    inside = checked("is_inside", is_inside, BOOL, size_px) + first
+    visible = checked("was_visible", was_visible, BOOL, size_px) + first
+    grey_at = checked("grey", grey, FLOAT, size_px) + 4 * first
+    chroma_at = 0 if chroma is None else checked("chroma", chroma, FLOAT, size_px) + 4 * first
+    free = 0 if is_free is None else checked("is_free", is_free, BOOL, (rows, columns))
     share = checked_share("chroma_share", chroma_share)
     _learn_background(
         *(pixels + channels * first, channels, size_px[1], rows, columns, share),
@@ -73,18 +113,18 @@ def mark_stains(
     region: Region,
     min_blue_grey: int,
     min_red_grey: int,
-    is_inside: Mask,
+    spans: NDArray[np.int32],
     dye: Mask,
     blood: Mask,
-) -> tuple[int, int]:
-    """Mark dye and blood in a region, and count their pixels.
+) -> tuple[Marked, Marked]:
+    """Mark dye and blood in a region; return how many pixels are dye, how many blood, and where.
 
     Args:
         image: (h, w, 3) BGR.
         region: Part of the image.
         min_blue_grey: What is bluer by more than that than it is green or red is dye, 0 to 255.
         min_red_grey: What is redder by more than that than it is green or blue is blood, 0 to 255.
-        is_inside: Pixels of the region that may be either.
+        spans: First column of each row that may be either, and the first that may not again, (h, 2) int32.
         dye: Receives those that are dye, (h, w) of the region.
         blood: Receives those that are blood.
     """
@@ -93,14 +133,17 @@ def mark_stains(
     first, rows, columns = _checked_region(region, size_px)
     if not (0 <= min_blue_grey <= MAX_GREY and 0 <= min_red_grey <= MAX_GREY):
         raise ValueError(f"stains: expected 0 to {MAX_GREY}; found {min_blue_grey} and {min_red_grey}")
-    masks = (("is_inside", is_inside), ("dye", dye), ("blood", blood))
-    counts = np.empty(2, np.int32)
+    masks = (("dye", dye), ("blood", blood))
+    found = np.empty(2 * _MARKED.size, np.uint8)
+    dyed_at = address(found)
     _mark_stains(
         *(pixels + 3 * first, size_px[1], rows, columns, min_blue_grey, min_red_grey),
+        checked("spans", spans, INT, (rows, 2)),
         *(checked(name, mask, BOOL, (rows, columns)) for name, mask in masks),
-        address(counts),
+        *(dyed_at, dyed_at + _MARKED.size),
     )
-    return int(counts[0]), int(counts[1])
+    dyed, bloody = (_marked(*values) for values in _MARKED.iter_unpack(found.data))
+    return dyed, bloody
 
 
 def fill_marked(image: Image, region: Region, is_filled: Mask, reach_px: int, filled: Image) -> None:
@@ -132,6 +175,10 @@ def fill_marked(image: Image, region: Region, is_filled: Mask, reach_px: int, fi
         ),
         *(reach_px, address(sums), target + 3 * first),
     )
+
+
+def _marked(count: int, top: int, bottom: int, left: int, right: int) -> Marked:
+    return Marked(count, (slice(top, bottom + 1), slice(left, right + 1)))
 
 
 def _checked_region(region: Region, size_px: tuple[Any, ...]) -> tuple[int, int, int]:

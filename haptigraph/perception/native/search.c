@@ -3,31 +3,37 @@
 #include "native.h"
 
 #define CONTRAST_GREY 6.0
+#define CHUNK 64  /* pixels that are read at once, */
+#define AHEAD 128 /* and how many before it they are fetched: a new image is in no cache */
+#define STEP 3    /* about so many are in one line of the cache */
 
 typedef int32_t Word __attribute__((aligned(1), may_alias)); /* a pixel and the byte behind it */
 
 /* Return the grey of a pixel, blue in the lowest byte, as a share of its cell's. */
 static inline float share_of(int pixel, int chroma) {
-    const int blue = pixel & 255, green = pixel >> 8 & 255, red = pixel >> 16 & 255, max = 255 * WHOLE;
-    int grey = (BLUE + chroma) * blue + GREEN * green + (RED - chroma) * red;
-    grey = grey < 0 ? 0 : grey;
-    grey = grey > max ? max : grey;
-    return (float)grey / (CELL * WHOLE);
+    return (float)grey_of_color(pixel & 255, pixel >> 8 & 255, pixel >> 16 & 255, chroma) / (CELL * WHOLE);
 }
 
 /* Write the mean grey of each sampled cell, (rows, cells).
 
-   Pixels are read in the order of memory, once: those of a line are far apart, and the processor would wait
-   for each. Loading four bytes at once takes half the time; the last pixel has no byte behind it. */
+   Pixels are read in the order of memory, once, and fetched before: those of a line are far apart, and the
+   processor would wait for each. Loading four bytes at once takes half the time; the last pixel has no byte
+   behind it. */
 static void average_cells(const SearchGrid *grid, const uint8_t *image, int channels, double chroma_share,
                           float *restrict shares, float *restrict grey) {
     const int chroma = whole_share(chroma_share), count = grid->pixel_count;
     const int loaded = channels == 3 && count ? count - 1 : 0;
     const int32_t *pixels = grid->pixels;
     const uint8_t *is_inside = grid->is_inside;
-    for (int number = 0; number < loaded; number++) {
-        const int pixel = *(const Word *)(image + 3 * pixels[number]);
-        shares[number] = share_of(pixel, is_inside[number] ? chroma : 0);
+    for (int start = 0; start < loaded; start += CHUNK) {
+        const int stop = start + CHUNK < loaded ? start + CHUNK : loaded;
+        for (int number = stop + AHEAD; number < stop + AHEAD + CHUNK && number < count; number += STEP) {
+            __builtin_prefetch(image + 3 * pixels[number], 0, 2);
+        }
+        for (int number = start; number < stop; number++) {
+            const int pixel = *(const Word *)(image + 3 * pixels[number]);
+            shares[number] = share_of(pixel, is_inside[number] ? chroma : 0);
+        }
     }
     for (int number = loaded; number < count; number++) {
         const uint8_t *first = image + (ptrdiff_t)channels * pixels[number], *last = first + channels - 1;

@@ -1,14 +1,13 @@
 """The grid along which the polar search samples images (`search.c`)."""
 
 from operator import index
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from haptigraph.imaging import FloatImage, Mask
 from haptigraph.messages import Image
-from haptigraph.perception.native.arrays import BOOL, INT, address, checked, checked_image, checked_share
+from haptigraph.perception.native.arrays import BOOL, INT, address, checked_copy, checked_image, checked_share
 from haptigraph.perception.native.library import LIBRARY, pack
 
 __all__ = ["CELL", "SearchGrid"]
@@ -60,12 +59,12 @@ class SearchGrid:
             raise ValueError(f"grid: expected at most {MAX_PIXELS} pixels; found {height_px} x {width_px}")
         self._size_px, self._shape = (height_px, width_px), (rows, cells)
         self._arrays = (
-            _copy("pixels", pixels, INT, (count,), height_px * width_px),
-            _copy("is_inside", is_inside, BOOL, (count,)),
-            _copy("sampled", sampled, INT, (len(sampled),), rows * cells),
-            _copy("samples", samples, INT, (len(sampled), CELL), count),
-            _copy("flanks", flanks, INT, (2, rows, cells), rows * cells),
-            _copy("is_observable", is_observable, BOOL, (rows, cells)),
+            checked_copy("pixels", pixels, INT, (count,), height_px * width_px),
+            checked_copy("is_inside", is_inside, BOOL, (count,)),
+            checked_copy("sampled", sampled, INT, (len(sampled),), rows * cells),
+            checked_copy("samples", samples, INT, (len(sampled), CELL), count),
+            checked_copy("flanks", flanks, INT, (2, rows, cells), rows * cells),
+            checked_copy("is_observable", is_observable, BOOL, (rows, cells)),
         )
         counts = count, len(sampled), rows, cells, trocar
         self._packed = pack(_GRID, *map(address, self._arrays), *counts)
@@ -86,14 +85,3 @@ class SearchGrid:
             *(address(self._shares), address(self._grey), address(score)),
         )
         return score
-
-
-def _copy(
-    name: str, array: NDArray[Any], dtype: np.dtype[Any], shape: tuple[int, ...], stop: int | None = None
-) -> NDArray[Any]:
-    """Return a checked copy; `stop` is the least value that is out of range."""
-    checked(name, array, dtype, shape)
-    copy = array.copy()
-    if stop is not None and copy.size and not 0 <= copy.min() <= copy.max() < stop:
-        raise ValueError(f"{name}: expected indices from 0 to {stop - 1}; found {copy.min()} to {copy.max()}")
-    return copy

@@ -6,6 +6,8 @@ of rows, which takes next to no time. Also chooses the grey, for an orange backg
 metal in the shade, but it is not as blue; and measures how much brighter the eye would be in good light.
 """
 
+import math
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Vec, unit
 from haptigraph.imaging import FloatImage, chroma_of, grey_of, grey_with_chroma
 from haptigraph.messages import Image
-from haptigraph.perception.native.pixels import learn_background
+from haptigraph.perception.native.pixels import PixelSample, Region, learn_background
 from haptigraph.perception.needle.rectify import (
     OUTSIDE_MM,
     UNOBSERVED,
@@ -44,25 +46,34 @@ class Background:
     Args:
         eye: The eye's geometry.
         registered: The registration's background image, if any; newer images replace it.
+        reach_px: How far from the globe's centre it is learned, in grey alone; if None, wherever a needle can
+            be, with its colour.
     """
 
-    def __init__(self, eye: EyeGeometry, registered: BackgroundImage | None = None) -> None:
+    def __init__(
+        self, eye: EyeGeometry, registered: BackgroundImage | None = None, reach_px: float | None = None
+    ) -> None:
         self._eye, self._registered = eye, registered
         self._is_inside = eye.is_inside()
         row, column = (EVERY_PX * part for part in self._is_inside[::EVERY_PX, ::EVERY_PX].nonzero())
-        self._sampled = row * eye.width_px + column  # indices of the pixels for colour and light
-        self._bands = eye.bands(BANDS)
+        self._sampled = (row * eye.width_px + column).astype(np.int32)  # pixels for colour and light
+        self._sample = PixelSample(self._is_inside.shape, self._sampled)
+        self._bands, self._learns_chroma = eye.bands(BANDS), reach_px is None
+        if reach_px is not None:
+            self._bands = [_within(band, eye.center_px, reach_px) for band in self._bands]
         self.reset()
 
     def reset(self) -> None:
         """Forget everything."""
-        self.grey: FloatImage = np.full((self._eye.height_px, self._eye.width_px), UNOBSERVED, np.float32)
-        self.chroma: FloatImage = np.zeros_like(self.grey)
-        """How much bluer than red it is, where the grey is known."""
+        planes = np.empty((2, self._eye.height_px, self._eye.width_px), np.float32)  # at once: in large pages
+        planes[0], planes[1] = UNOBSERVED, 0
+        self.grey: FloatImage = planes[0]
+        self.chroma: FloatImage = planes[1]
+        """How much bluer than red it is, where the grey is known, unless the grey alone is learned."""
         self.chroma_share = 0.0
         """How much of blue less red is added to the grey within the globe."""
         self.light = 1.0
-        """How many times brighter the eye would be in good light; 1 where it is bright enough."""
+        """How many times brighter the eye would be in good light; 1 in good light, or in the dark."""
         self._band = 0
         self.is_new = True
         self._was_visible, self._to_restore = np.zeros(self.grey.shape, np.bool_), self._registered
@@ -71,9 +82,11 @@ class Background:
         """Measure the light and, until something is learned, choose the grey."""
         if not len(self._sampled):
             return
-        sample = image.reshape(-1, *image.shape[2:]).take(self._sampled, axis=0)  # 1/8 of the time of a mask
-        self.light = _light(sample)
+        rank = len(self._sampled) * BRIGHTEST // 100
+        brightest = self._sample.ranked_grey(np.ascontiguousarray(image), rank)
+        self.light = max(LIT_GREY / brightest, 1.0) if brightest >= DARK_GREY else 1.0
         if self.is_new:
+            sample = image.reshape(-1, *image.shape[2:]).take(self._sampled, axis=0)  # faster than a mask
             self.chroma_share = _chroma_share(sample)
             self._restore(image)
 
@@ -116,14 +129,33 @@ class Background:
 
     def _learn_band(self, image: Image, band: int, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
         rows, columns = self._bands[band]
-        is_free = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.bool_)
-        if needle is not None:
+        if columns.start >= columns.stop:
+            return
+        is_free = None
+        if needle is not None and _reaches(needle, width_px, rows):
+            is_free = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.bool_)
             corners = stripe(needle, width_px, (columns.start, rows.start))
             cv2.fillConvexPoly(is_free.view(np.uint8), corners, 0, shift=4)
         learn_background(
             *(image, (rows, columns), self.chroma_share, self._is_inside, is_free),
-            *(self._was_visible, self.grey, self.chroma),
+            *(self._was_visible, self.grey, self.chroma if self._learns_chroma else None),
         )
+
+
+def _reaches(ends: tuple[Vec, Vec], width_px: int, rows: slice) -> bool:
+    """Return whether a stripe may reach some rows."""
+    (_, one), (_, other) = ends
+    return bool(min(one, other) - width_px < rows.stop and max(one, other) + width_px > rows.start)
+
+
+def _within(band: Region, center_px: Vec, radius_px: float) -> Region:
+    """Return the part of a band that a circle reaches."""
+    rows, columns = band
+    x, y = center_px
+    aside = max(rows.start - y, y - rows.stop, 0.0)
+    half_px = math.sqrt(max(radius_px**2 - aside**2, 0.0))
+    first, stop = max(columns.start, math.floor(x - half_px)), min(columns.stop, math.ceil(x + half_px) + 1)
+    return rows, slice(first, stop if half_px else first)
 
 
 def _chroma_share(sample: Image) -> float:
@@ -152,13 +184,6 @@ def _gain_since(registered: BackgroundImage, image: Image) -> float | None:
     gain = float(now.sum()) / max(float(before.sum()), 1.0)
     change = float(np.percentile(np.abs(now - gain * before), ALIKE))
     return gain if change <= MAX_CHANGE * float(now.mean()) else None
-
-
-def _light(sample: Image) -> float:
-    """Return how many times brighter the eye would be in good light; 1 in good light, or in the dark."""
-    grey, rank = sample if sample.ndim == 1 else grey_of(sample[None])[0], len(sample) * BRIGHTEST // 100
-    brightest = float(np.partition(grey, rank)[rank])
-    return max(LIT_GREY / brightest, 1.0) if brightest >= DARK_GREY else 1.0
 
 
 def occluded_ends(eye: EyeGeometry, line: Line, until_px: float) -> tuple[Vec, Vec]:

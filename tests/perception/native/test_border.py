@@ -20,6 +20,7 @@ from msgspec.structs import replace
 from haptigraph.perception.native import (
     bscan,
     bscan_needle,
+    jaws,
     rectification,
     search_grid,
     sharpness,
@@ -90,8 +91,17 @@ def images(count):
     return np.random.default_rng(count).integers(0, 256, (count, *SIZE_PX, 3), dtype=np.uint8)
 
 
+def shaft_patch():
+    """A dark shaft in the middle of a patch of its surroundings."""
+    grey = np.full((LANES, STATIONS), 90, np.uint8)
+    grey[14:19, :45] = 20
+    return grey
+
+
 REGION = slice(2, 6), slice(5, 14)
+SPANS = np.array([(0, 9)] * 4, np.int32)
 FLAGS = "continues", "is_outside", "follows_point", "follows_faint", "uses_chroma"
+JAWS = "core_px", "visible_px", "globe", "is_other", "min_length_px", "max_difference_px"
 APPEARANCE = (math.nan, math.nan, 0.0, math.nan, math.nan)
 POSITIONS = (16, u_px(), (8.0, 6.0), (0.0, 1.0), (1.0, 0.0))
 
@@ -136,9 +146,20 @@ WRAPPERS = {
         region_pixels.learn_background,
         lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 0.2, *make_planes()],
     ),
+    "ranked_grey": (
+        lambda *given: region_pixels.PixelSample(*given[:2]).ranked_grey(*given[2:]),
+        lambda: [SIZE_PX, np.arange(30, dtype=np.int32), np.ones((*SIZE_PX, 3), np.uint8), 20],
+    ),
     "mark_stains": (
         region_pixels.mark_stains,
-        lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 22, 60, *np.ones((3, 4, 9), bool)],
+        lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 22, 60, SPANS.copy(), *np.ones((2, 4, 9), bool)],
+    ),
+    "find_jaws": (
+        lambda *given: jaws.find_jaws(*given[:4], **dict(zip(JAWS, given[4:], strict=True))),
+        lambda: [
+            *(shaft_patch(), np.dstack([shaft_patch()] * 3), np.full((LANES, STATIONS), 90, np.float32), 1.0),
+            *(2, 30, ((30.0, 16.0), 40.0), np.zeros((LANES, STATIONS), bool), 3.0, 9.0),
+        ],
     ),
     "fill_marked": (
         region_pixels.fill_marked,
@@ -220,6 +241,13 @@ WRAPPERS = {
         RectifiedStrip,
         lambda: [u_px(), 16, excess(), excess(), np.ones(STATIONS, bool), slice(0, 9), slice(12, 60), 2.0],
     ),
+}
+
+# What may be None: the numbers of the arguments.
+OPTIONAL = {
+    "surface_lines": (2, 6),  # standard deviations
+    "learn_background": (4, 7),  # what is free, and how much bluer than red the background is
+    "find_jaws": (1, 7),  # colours, and another instrument
 }
 
 
@@ -321,7 +349,10 @@ def test_right_arguments_are_accepted(name):
 
 
 def test_every_wrapper_is_tested():
-    modules = bscan, bscan_needle, region_pixels, rectification, search_grid, sharpness, strip, surface_lines
+    modules = (
+        *(bscan, bscan_needle, jaws, region_pixels, rectification, search_grid, sharpness, strip),
+        surface_lines,
+    )
     values = {name: value for module in modules for name, value in vars(module).items()}
     functions = {name.lstrip("_") for name, value in values.items() if type(value).__name__ == "_FuncPtr"}
     assert functions == set(WRAPPERS) - {"RectifiedStrip"}
@@ -351,7 +382,7 @@ def test_a_wrong_type_is_refused_in_a_sentence(name):
             arguments[number] = wrong
             if name == "RectifiedStrip" and number == 1:  # half_px, which C does not read
                 continue
-            if name == "surface_lines" and number in (2, 6) and wrong is None:  # no standard deviations
+            if wrong is None and number in OPTIONAL.get(name, ()):
                 continue
             with pytest.raises((TypeError, ValueError), match=r"\w+ \w+ \w+") as caught:
                 call(*arguments)
@@ -443,7 +474,16 @@ def test_a_search_grid_does_not_notice_later_changes_of_its_arrays():
 def test_a_region_beyond_the_image_is_refused(region):
     image = np.ones((*SIZE_PX, 3), np.uint8)
     with pytest.raises(ValueError, match="expected one within 12 x 16 px"):
-        region_pixels.mark_stains(image, region, 22, 60, *np.ones((3, 4, 9), bool))
+        region_pixels.mark_stains(image, region, 22, 60, SPANS, *np.ones((2, 4, 9), bool))
+
+
+def test_tissue_is_looked_for_within_the_region_whatever_its_spans_say():
+    image = np.full((*SIZE_PX, 3), (200, 50, 50), np.uint8)
+    spans = np.array([(-(2**31), 2**31 - 1), (5, 3), (9, 40), (-4, 2)], np.int32)
+    dye, blood = np.ones((2, 4, 9), bool)
+    region_pixels.mark_stains(image, REGION, 22, 60, spans, dye, blood)
+    assert dye.sum(axis=1).tolist() == [9, 0, 0, 2]
+    assert not blood.any()
 
 
 def test_the_background_learns_only_what_is_free_and_takes_what_is_new_as_it_is():
@@ -469,13 +509,16 @@ def test_dye_is_bluer_and_blood_is_redder_than_any_other_colour():
         (122, 100, 90),
         (9, 9, 99),
     )
-    is_inside = np.ones((4, 9), bool)
-    is_inside[1, 4] = False
+    spans = SPANS.copy()
+    spans[1, 1] = 4
     dye, blood = np.ones((2, 4, 9), bool)
-    dyed, bled = region_pixels.mark_stains(image, REGION, 22, 60, is_inside, dye, blood)
+    dyed, bled = region_pixels.mark_stains(image, REGION, 22, 60, spans, dye, blood)
     assert [tuple(place) for place in np.argwhere(dye)] == [(1, 1)]
     assert [tuple(place) for place in np.argwhere(blood)] == [(2, 2)]
-    assert (dyed, bled) == (1, 1)
+    assert (dyed, bled) == (
+        region_pixels.Marked(1, (slice(1, 2), slice(1, 2))),
+        region_pixels.Marked(1, (slice(2, 3), slice(2, 3))),
+    )
 
 
 @given(arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))), st.integers(0, 12))

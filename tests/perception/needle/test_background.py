@@ -51,6 +51,20 @@ def test_learns_the_background_beside_the_needle_and_under_it_once_it_has_gone(e
     assert (background.grey == UNOBSERVED).all()
 
 
+def test_within_reach_the_same_grey_is_learned_and_no_more(eye):
+    whole, near = Background(eye), Background(eye, reach_px=eye.inner_px / 2)
+    row, column = np.ogrid[: eye.height_px, : eye.width_px]
+    x, y = eye.center_px
+    for number in range(20):
+        image = draw_eye(eye, ORANGE_GROUND, DEPTH_PX + number)
+        ends = eye.trocar_px, Line(eye.inwards_rad, 0.0).at_px(eye.trocar_px, DEPTH_PX + number)
+        whole.learn(image, ends, 20), near.learn(image, ends, 20)
+    is_near = np.hypot(column - x, row - y) <= eye.inner_px / 2
+    assert (near.grey[is_near] == whole.grey[is_near]).all()
+    assert (near.grey >= 0).sum() < 0.5 * (whole.grey >= 0).sum()
+    assert whole.chroma.any() and not near.chroma.any()
+
+
 def test_uses_colour_the_more_the_less_blue_the_background_is(eye):
     def share(ground) -> float:
         background = Background(eye)
