@@ -54,8 +54,8 @@ EXPORT const Entry entries[] = {
     SIZE(Appearance), F(highlight), F(highlight_sd), F(images), F(shaded_px),
 #undef F
 #define F(field) FIELD(TipPatch, field)
-    SIZE(TipPatch), F(middle_px), F(defocus_px), F(fading_share), F(start), F(stop), F(continues), F(about),
-    F(is_outside), F(follows_point), F(follows_faint), F(uses_chroma),
+    SIZE(TipPatch), F(middle_px), F(blur_px), F(fading_share), F(start), F(stop), F(continues), F(about),
+    F(is_outside), F(uses_chroma),
 #undef F
 #define F(field) FIELD(Grid, field)
     SIZE(Grid), F(cells), F(rows), F(columns), F(group), F(pixels),

@@ -94,14 +94,12 @@ typedef struct {
 /* The part of a strip in which a tip is located sub-pixel. */
 typedef struct {
     double middle_px;    /* lane of the shaft's middle, may be between two */
-    double defocus_px;   /* how much more blur there is than in focus */
+    double blur_px;      /* standard deviation of the blur across the shaft's edges */
     double fading_share; /* the same as TIP_LEVEL where rims and middle differ */
     int start, stop;     /* stations of the patch */
     int continues;       /* whether the strip shows more beyond them */
     int about;           /* approximate tip, from the first of them on */
     int is_outside;      /* outside the wall, where the background may be unknown */
-    int follows_point;   /* whether to follow a point where it gets thin, */
-    int follows_faint;   /* and its faint last part */
     int uses_chroma;     /* whether its contrast is that of its colour, too */
 } TipPatch;
 

@@ -24,6 +24,7 @@ __all__ = [
     "core_contrast",
     "estimate_coarse_tip",
     "fit_line",
+    "profile_share",
     "refine_tip",
 ]
 
@@ -51,8 +52,8 @@ _LINE_FIT = LIBRARY.layout(
 
 _TIP_PATCH = LIBRARY.layout(
     "TipPatch",
-    *(("d", "middle_px defocus_px fading_share"), ("i", "start stop continues about")),
-    ("i", "is_outside follows_point follows_faint uses_chroma"),
+    *(("d", "middle_px blur_px fading_share"), ("i", "start stop continues about")),
+    ("i", "is_outside uses_chroma"),
 )
 
 _core_contrast = LIBRARY.function("core_contrast", "piip", ctypes.c_double)
@@ -61,6 +62,7 @@ _colored_share = LIBRARY.function("colored_share", "piid", ctypes.c_double)
 _estimate_coarse_tip = LIBRARY.function("estimate_coarse_tip", "pdddp", ctypes.c_int)
 _fit_line = LIBRARY.function("fit_line", "pddppppp", ctypes.c_int)
 _refine_tip = LIBRARY.function("refine_tip", "pppip", ctypes.c_int)
+_profile_share = LIBRARY.function("profile_share", "pddiiiiip", ctypes.c_double)
 
 _Pair, _Triple = ctypes.c_double * 2, ctypes.c_double * 3
 _LineFitBuffer = ctypes.c_char * _LINE_FIT.size
@@ -169,6 +171,31 @@ def contrast_centroid(strip: RectifiedStrip, first: int, last: int, part: slice)
     return float(_contrast_centroid(native.packed, first, last, start, stop))
 
 
+def profile_share(
+    strip: RectifiedStrip, offset_px: float, slope: float, reach_px: int, shaft: slice, part: slice
+) -> tuple[float, float]:
+    """Return how much of a shaft's own profile a part of a strip shows, and what noise does to that.
+
+    Args:
+        strip: The strip.
+        offset_px: Of the shaft's middle from the strip's, where u is 0.
+        slope: Of the shaft's middle along the strip.
+        reach_px: Lanes on either side of the middle.
+        shaft: Stations that show the shaft.
+        part: Stations in question.
+
+    Returns:
+        1 for all of the profile and 0 for none, and the standard deviation; nan and inf if the shaft does not
+        stand out of the noise, or a part is empty.
+    """
+    native, sd = _native(strip), ctypes.c_double()
+    share = _profile_share(
+        *(native.packed, float(offset_px), float(slope), index(reach_px)),
+        *(*_span(shaft, native.stations), *_span(part, native.stations), ctypes.byref(sd)),
+    )
+    return float(share), sd.value
+
+
 def estimate_coarse_tip(
     strip: RectifiedStrip, usual_grey: float, tracked_px: float, px_per_mm: float
 ) -> tuple[int, int, float]:
@@ -233,13 +260,11 @@ def refine_tip(
     stop: int,
     about: int,
     middle_px: float,
-    defocus_px: float,
+    blur_px: float,
     share: float,
     *,
     continues: bool,
     is_outside: bool,
-    follows_point: bool,
-    follows_faint: bool,
     uses_chroma: bool,
 ) -> tuple[float, float, float] | None:
     """Locate a tip sub-pixel (`subpixel_tip.c`; the arguments are the fields of its `TipPatch`).
@@ -250,8 +275,8 @@ def refine_tip(
     """
     native, tip = _native(strip), _Triple()
     patch = pack(
-        *(_TIP_PATCH, middle_px, defocus_px, share, start, stop, continues, about),
-        *(is_outside, follows_point, follows_faint, uses_chroma),
+        *(_TIP_PATCH, middle_px, blur_px, share, start, stop, continues, about),
+        *(is_outside, uses_chroma),
     )
     if not 0 <= start <= stop <= native.stations:
         raise ValueError(f"patch: expected a part of {native.stations} stations, found {start} to {stop}")

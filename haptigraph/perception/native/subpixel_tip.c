@@ -10,14 +10,17 @@
 #define MAX_REACH 2
 #define WIDTH_PX 3
 #define BLUNT_PX 2
-#define TIP_LEVEL 0.36  /* between beyond and behind: the point is thin, half would be too early */
-#define ONE_TONE 0.8    /* share of the contrast that is of one sign, below which a point fades at its rims */
-#define BLUR_SHARE 0.4  /* of the defocus: it takes the level beyond the point */
-#define POINT_PX 4      /* length of a point over which its contrast is measured */
-#define POINT_ROUNDS 4  /* how often it is followed further */
-#define FOLLOWED_PX 4.0 /* from the first contrast step */
-#define MIN_ONE_TONE 0.2 /* of a point that is followed: where rims and middle differ, so do their ends */
-#define FAINT_LEVEL 0.12 /* the same as TIP_LEVEL for the last, faint part of a point */
+#define TIP_LEVEL 0.36 /* between beyond and behind: the point is thin, half would be too early */
+#define ONE_TONE 0.8   /* share of the contrast that is of one sign, below which a point fades at its rims */
+#define PI 3.14159265358979323846
+#define FOCUSED_PX 0.8     /* standard deviation of the blur of an edge in focus */
+#define MAX_FOCUSED_PX 0.2 /* more of it than that: out of focus */
+#define BLUR_SHARE 0.4     /* of the defocus: it takes the level beyond the point */
+#define POINT_PX 4         /* length of a point over which its contrast is measured */
+#define POINT_ROUNDS 4     /* how often it is followed further */
+#define FOLLOWED_PX 4.0    /* from the first contrast step */
+#define MIN_ONE_TONE 0.2   /* of a point that is followed: where rims and middle differ, so do their ends */
+#define FAINT_LEVEL 0.12   /* the same as TIP_LEVEL for the last, faint part of a point */
 #define MAX_FAINT_PX 6
 #define FAINT_SHARP 0.65     /* sharpness of a narrow part, as a share of its contrast */
 #define FAINT_BLUR_PX 0.65   /* how far blur takes it beyond the point */
@@ -49,6 +52,7 @@ typedef struct {
     double u_px;      /* from the first station on */
     double slope;     /* grey levels per px */
     double high_grey; /* contrast behind it */
+    double fall_grey; /* how much less there is beyond it */
     double one_tone;  /* whether what is behind is of one sign, 1, or its rims and its middle differ, 0 */
 } ContrastStep;
 
@@ -146,7 +150,7 @@ static int find_step(const Profile *profile, int about, int behind_px, int blunt
     const double level = maximum(low + share * (high - low), noise_grey);
     const int end = last_above(profile, level);
     if (end < 0 || (end == profile->count - 1 && profile->continues)) return 0;
-    *step = (ContrastStep){.end = end, .high_grey = high, .one_tone = tone};
+    *step = (ContrastStep){.end = end, .high_grey = high, .fall_grey = high - low, .one_tone = tone};
     step->u_px = crossing(profile, end, level, &step->slope);
     return 1;
 }
@@ -221,6 +225,11 @@ static int measure_profile(const Strip *strip, const TipPatch *patch, Profile *p
     return 1;
 }
 
+/* Return how much more than in focus a step is blurred along the shaft: motion may blur its edges alone. */
+static double defocus_along_px(const ContrastStep *step) {
+    return maximum(step->fall_grey / (sqrt(2 * PI) * step->slope) - FOCUSED_PX, 0);
+}
+
 /* Locate the tip in a patch, in rounds: each measures the needle's contrast over so many px behind the step
    that the last one found. `tip` receives the position from the first station on [px], its sd [px] and the
    needle's contrast [grey levels]. Return whether the contrast falls there. */
@@ -236,10 +245,14 @@ EXPORT int refine_tip(const Strip *strip, const TipPatch *patch, const int *behi
     for (int n = 0; n < rounds; n++) {
         if (!find_step(&profile, step.end, behind_px[n], BLUNT_PX, &step)) return 0;
     }
-    const ContrastStep point = patch->follows_point ? follow_point(&profile, step) : step;
+    const double defocus_px = minimum(maximum(patch->blur_px - FOCUSED_PX, 0), defocus_along_px(&step));
+    const int is_focused = defocus_px < MAX_FOCUSED_PX;
+    const ContrastStep point = is_focused ? follow_point(&profile, step) : step;
     const double noise_px = strip->noise_grey / sqrt(WIDTH_PX) / point.slope;
-    tip[0] = patch->follows_faint ? follow_faint(&profile, &point, patch->defocus_px) : point.u_px;
-    tip[0] -= BLUR_SHARE * point.one_tone * patch->defocus_px;
+    const int follows_faint =
+        is_focused && !patch->is_outside; /* outside, more is visible on the background */
+    tip[0] = follows_faint ? follow_faint(&profile, &point, defocus_px) : point.u_px;
+    tip[0] -= BLUR_SHARE * point.one_tone * defocus_px;
     tip[1] = sqrt(FLOOR_PX * FLOOR_PX + noise_px * noise_px);
     tip[2] = step.high_grey;
     return 1;

@@ -20,7 +20,6 @@ __all__ = ["FADING_LEVEL", "covers_tip", "refine_tip", "tip_patch_px"]
 BEHIND_PX, AHEAD_PX = 12, 10  # of the needle, and of what follows, in a tip patch
 NEAR_PX = 7
 FADING_LEVEL = 0.3  # of dark rims about a bright middle: where they are thin, blur takes one from the other
-FOCUSED_PX, BLURRED_PX = 0.8, 1.0  # blur across the edges of a shaft in focus, and out of it
 
 
 def tip_patch_px(about_px: float, margin_px: int = 0) -> FloatImage:
@@ -40,15 +39,16 @@ def refine_tip(
     tip: TipEstimate,
     about_px: float,
     off_axis_px: float = 0.0,
-    blur_px: float = FOCUSED_PX,
+    blur_px: float = 0.0,
     behind_px: tuple[int, ...] = (BEHIND_PX, NEAR_PX),
     *,
     uses_chroma: bool = False,
 ) -> TipEstimate | None:
     """Locate the tip sub-pixel: where the contrast falls from that just behind it.
 
-    A point in focus that gets thin or dim towards its end is followed: the contrast just behind is measured
-    again from each step, as long as that leads on, and then a faint rest beyond it, if it is sharp.
+    Blur counts as far as the step is blurred, too: motion may blur the edges alone. A point in focus that
+    gets thin or dim towards its end is followed: the contrast just behind is measured again from each step,
+    as long as that leads on, and then a faint rest beyond it, if it is sharp.
 
     Args:
         patch: A tip patch.
@@ -62,7 +62,7 @@ def refine_tip(
     Returns:
         The tip, or None if the contrast does not fall there.
     """
-    is_inside, is_focused = tip.where == "inside", blur_px < BLURRED_PX
+    is_inside = tip.where == "inside"
     part = patch.inside if is_inside else patch.outside
     middle = round(about_px) - round(float(patch.u_px[0]))
     last = min(middle + AHEAD_PX + 1, len(patch.u_px))
@@ -72,11 +72,9 @@ def refine_tip(
     first_px = float(patch.u_px[start])
     found = native.refine_tip(
         *(patch, behind_px, start, stop, math.ceil(about_px - first_px)),
-        *(patch.half_px + off_axis_px, max(blur_px - FOCUSED_PX, 0.0), FADING_LEVEL),
+        *(patch.half_px + off_axis_px, blur_px, FADING_LEVEL),
         continues=stop == last,
         is_outside=tip.where == "outside",
-        follows_point=is_focused,
-        follows_faint=is_focused and is_inside,  # outside, more is visible on the background
         uses_chroma=uses_chroma,
     )
     if found is None:

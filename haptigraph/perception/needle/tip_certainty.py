@@ -24,6 +24,7 @@ FADING_MM = 0.065  # per time that the contrast behind the point is greater than
 MAX_FADING = 2.0  # such times: the point of a bevel is beside the axis, and plain
 NOISE_MM = 0.13  # per grey level of noise, of a contrast of one
 TEXTURE_GREY = 2.2  # works like noise
+WALL_MM, NEAR_WALL_MM = 0.06, 0.6  # so near to the far wall a point mirrors it, and its last part is not seen
 
 MAX_SD_MM = 0.2  # of a tip whose place is known
 OUTSIDE_MM = 0.03  # sd of a contrast step outside the globe
@@ -41,6 +42,7 @@ def with_certainty(
     edges_end_px: float,
     blur_px: float,
     px_per_mm: float,
+    rest_px: float = 0.0,
 ) -> TipEstimate:
     """Return a tip inside the globe with its standard deviation, and whether its place is known.
 
@@ -51,6 +53,7 @@ def with_certainty(
         edges_end_px: How far it shows both edges of the shaft.
         blur_px: Standard deviation of the blur across the shaft's edges.
         px_per_mm: Scale.
+        rest_px: Length of a faint rest beyond the tip that may belong to the point.
     """
     behind_grey, point_grey, beyond_grey, noise_grey = _contrasts(strip, tip.u_px)
     contrast_grey = max(tip.contrast_grey, 1.0)
@@ -60,6 +63,8 @@ def with_certainty(
         EDGELESS_SHARE * edgeless_px,
         px_per_mm * FADING_MM * min(max(behind_grey / max(point_grey, 1.0) - 1, 0.0), MAX_FADING),
         px_per_mm * NOISE_MM * (strip.noise_grey + TEXTURE_GREY) / contrast_grey,
+        rest_px,
+        px_per_mm * WALL_MM if _is_near_wall(strip, tip.u_px, NEAR_WALL_MM * px_per_mm) else 0.0,
     )
     continues = until_px > tip.u_px and beyond_grey > max(MAX_SHADOW * behind_grey, noise_grey)
     is_certain = math.hypot(tip.sd_px, shift_sd_px) <= MAX_SD_MM * px_per_mm
@@ -76,6 +81,12 @@ def outside_globe(tip: TipEstimate, px_per_mm: float) -> TipEstimate:
         px_per_mm: Scale.
     """
     return replace(tip, shift_sd_px=px_per_mm * (OUTSIDE_MM if tip.contrast_grey else UNLOCATED_MM))
+
+
+def _is_near_wall(strip: RectifiedStrip, tip_px: float, near_px: float) -> bool:
+    """Return whether a tip is near the far wall, if the strip reaches it."""
+    stop = strip.inside.stop
+    return 0 < stop < len(strip.u_px) and float(strip.u_px[stop]) - tip_px < near_px
 
 
 def _contrasts(strip: RectifiedStrip, tip_px: float) -> tuple[float, float, float, float]:

@@ -16,6 +16,7 @@ from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import TipEstimate, may_reach_wall
 from haptigraph.perception.needle.rectify import EyeGeometry, Line, RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
+from haptigraph.perception.needle.shaft_profile import faint_rest_px, has_profile_beyond, profile_continues
 from haptigraph.perception.needle.sharp_tip import (
     MAX_DIM_PX,
     MIN_DIM_PX,
@@ -122,10 +123,10 @@ class TipSelector:
             edges_end_px = detection.fit.end_px(inner_px)
             rim_px = min(inner_px + AT_WALL_PX, tip.u_px - EDGES_END_PX)  # before it is the port opening
         step = self._expected_step(image, detection, tip, expected_px, edges_end_px)
-        if step and step.u_px > rim_px:
-            return self._colored_end(image, detection, tip, step) or step
-        step = self._contrast_step(image, detection, tip, edges_end_px, rim_px)
-        return self._colored_end(image, detection, tip, step) or step
+        if step is None or step.u_px <= rim_px:
+            step = self._contrast_step(image, detection, tip, edges_end_px, rim_px)
+        end = self._colored_end(image, detection, tip, step)
+        return end or self._profiled_end(image, detection, tip, step) or step
 
     def _colored_end(
         self, image: Image, detection: Detection, tip: TipEstimate, step: TipEstimate
@@ -135,6 +136,17 @@ class TipSelector:
             return None
         end = self._refine(image, detection, tip, tip.u_px, uses_chroma=True)
         return end if end and end.u_px > step.u_px else replace(tip, sd_px=COLORED_SD_PX)
+
+    def _profiled_end(
+        self, image: Image, detection: Detection, tip: TipEstimate, step: TipEstimate
+    ) -> TipEstimate | None:
+        """Return the end of a shaft whose profile continues beyond a contrast step; None if it does not."""
+        if tip.where != "inside" or tip.u_px - step.u_px <= NEAR_PX:
+            return None
+        if not profile_continues(detection.candidate.strip, detection.fit, step.u_px, self._eye.px_per_mm):
+            return None
+        end = self._refine(image, detection, tip, tip.u_px)
+        return end if end and end.u_px > step.u_px else None
 
     def _contrast_step(
         self, image: Image, detection: Detection, tip: TipEstimate, edges_end_px: float, rim_px: float
@@ -219,12 +231,16 @@ class TipSelector:
         if tip.where != "inside":
             return tip
         until_px, edges_end_px = detection.candidate.tip.u_px, detection.edges_end_px
-        return with_certainty(strip, tip, until_px, edges_end_px, fit.blur_px, self._eye.px_per_mm)
+        rest_px = faint_rest_px(strip, fit, tip.u_px, until_px, self._eye.px_per_mm)
+        return with_certainty(strip, tip, until_px, edges_end_px, fit.blur_px, self._eye.px_per_mm, rest_px)
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:
         """Return the end of a shaft that its shadow continues, None if none does."""
-        end = sharp_end(detection.candidate.strip, tip) if tip.where == "inside" else None
-        if end is None or _continues_colored(detection.candidate.strip, end, tip.u_px):
+        strip, fit = detection.candidate.strip, detection.fit
+        end = sharp_end(strip, tip) if tip.where == "inside" else None
+        if end is None or _continues_colored(strip, end, tip.u_px):
+            return None
+        if has_profile_beyond(strip, fit, end.u_px, self._eye.px_per_mm):
             return None
         step = self._refine(image, detection, end, end.u_px)
         return step if step and abs(step.u_px - end.u_px) < SHARP_END_PX else end

@@ -100,7 +100,7 @@ def shaft_patch():
 
 REGION = slice(2, 6), slice(5, 14)
 SPANS = np.array([(0, 9)] * 4, np.int32)
-FLAGS = "continues", "is_outside", "follows_point", "follows_faint", "uses_chroma"
+FLAGS = "continues", "is_outside", "uses_chroma"
 JAWS = "core_px", "visible_px", "globe", "is_other", "min_length_px", "max_difference_px"
 APPEARANCE = (math.nan, math.nan, 0.0, math.nan, math.nan)
 POSITIONS = (16, u_px(), (8.0, 6.0), (0.0, 1.0), (1.0, 0.0))
@@ -232,10 +232,14 @@ WRAPPERS = {
     "colored_share": (strip.colored_share, lambda: [make_strip(chroma=excess()), slice(25, 40), 1.0]),
     "contrast_centroid": (strip.contrast_centroid, lambda: [make_strip(), 3, 30, slice(5, 40)]),
     "estimate_coarse_tip": (strip.estimate_coarse_tip, lambda: [make_strip(), 0.0, -math.inf, 5.0]),
+    "profile_share": (
+        strip.profile_share,
+        lambda: [make_strip(chroma=excess()), 0.5, 0.02, 9, slice(13, 30), slice(40, 45)],
+    ),
     "fit_line": (strip.fit_line, lambda: [make_strip(), 50.0, 9.0, APPEARANCE]),
     "refine_tip": (
         lambda *arguments: strip.refine_tip(*arguments[:8], **dict(zip(FLAGS, arguments[8:], strict=True))),
-        lambda: [make_strip(), (12, 7), 20, 55, 24, 16.2, 0.1, 0.3, True, False, True, True, True],
+        lambda: [make_strip(), (12, 7), 20, 55, 24, 16.2, 0.1, 0.3, True, False, True],
     ),
     "RectifiedStrip": (
         RectifiedStrip,
@@ -324,13 +328,11 @@ def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
         lambda: strip.estimate_coarse_tip(shown, number, number, abs(number)),
         lambda: strip.fit_line(shown, number, abs(number), (number, 0.1, station, number, math.nan)),
         lambda: strip.fit_line(shown, math.inf, 16.0, APPEARANCE),
-        lambda: refine(
-            shown, (12, station), 0, stop, station, number, 0.1, 0.3, True, False, True, True, True
-        ),
-        lambda: refine(
-            shown, (4,), 0, stop, 2 * station, 16.2, number, number, False, True, True, True, True
-        ),
-        lambda: refine(shown, (4,), 0, stop, station, 8.0, 0.0, 0.3, False, False, True, True, False),
+        lambda: strip.profile_share(shown, number, number, station, slice(0, station), part),
+        lambda: strip.profile_share(shown, 0.5, number, 8, part, slice(0, station)),
+        lambda: refine(shown, (12, station), 0, stop, station, number, 0.1, 0.3, True, False, True),
+        lambda: refine(shown, (4,), 0, stop, 2 * station, 16.2, number, number, False, True, True),
+        lambda: refine(shown, (4,), 0, stop, station, 8.0, 0.0, 0.3, False, False, False),
     ):
         with suppress(ValueError, TypeError, OverflowError):
             call()

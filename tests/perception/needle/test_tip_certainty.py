@@ -100,3 +100,19 @@ def test_a_needle_that_stands_outside_from_the_first_image_on_is_within_two_stan
         error_mm = math.dist(observation.found["needle_tip"].at_mm, moment.truth.tip_mm)
         within.append(error_mm <= 2 * observation.certainty.tip_sd_mm)
     assert np.mean(within[8:]) > 0.9
+
+
+def test_near_the_far_wall_a_point_may_mirror_it():
+    drawn = strip(needle(4))
+    wall = int(U_PX.searchsorted(END_PX + 0.3 * PX_PER_MM))
+    near = replace(drawn, inside=slice(drawn.inside.start, wall))
+    far = replace(drawn, inside=slice(drawn.inside.start, len(U_PX) - 1))
+    tips = [with_certainty(each, TIP, END_PX, END_PX, 0.6, PX_PER_MM) for each in (near, far)]
+    assert tips[0].shift_sd_px > tips[1].shift_sd_px + 0.5
+    assert tips[0].is_known
+
+
+def test_a_faint_rest_that_may_belong_to_the_point_counts():
+    plain = certain(needle(4))
+    faint = with_certainty(strip(needle(4)), TIP, END_PX + 3, END_PX, 0.6, PX_PER_MM, rest_px=3.0)
+    assert faint.shift_sd_px == pytest.approx(math.hypot(plain.shift_sd_px, 3.0), rel=0.05)

@@ -30,13 +30,27 @@ def tips_of(
     eye: EyeGeometry, line: Line, image: np.ndarray, expected_px: float, ground: object = round(GROUND)
 ) -> tuple[TipEstimate, TipEstimate]:
     """The coarse and the sub-pixel tip of a needle on known background."""
+    selector, detection = detected(eye, line, image, ground)
+    return detection.tip, selector.select(image, detection, expected_px)
+
+
+def located(eye: EyeGeometry, line: Line, image: np.ndarray) -> TipEstimate:
+    """The sub-pixel tip without a shadow that continues it."""
+    selector, detection = detected(eye, line, image, round(GROUND))
+    tip = selector.select(image, detection)
+    return selector.before_shadow(image, detection, tip) or tip
+
+
+def detected(
+    eye: EyeGeometry, line: Line, image: np.ndarray, ground: object
+) -> tuple[TipSelector, Detection]:
     background = Background(eye)
     background.learn(np.full(image.shape, ground, np.uint8), None, 20)
     (strip,) = background.rectify(image, line, stations(eye, line))
     coarse = estimate_coarse_tip(strip, eye.px_per_mm, None)
     fit = fit_line(strip, coarse.u_px, strip.half_px)
     detection = Detection(Candidate(line, strip, None, coarse), line, fit, coarse)
-    return coarse, TipSelector(eye, background, Bevel()).select(image, detection, expected_px)
+    return TipSelector(eye, background, Bevel()), detection
 
 
 @pytest.mark.parametrize("short_px", [0.0, 8.0, 12.0, 16.0])
@@ -97,3 +111,46 @@ def test_a_needle_that_becomes_as_bright_as_a_brown_bowl_is_followed_by_its_colo
     _, tip = tips_of(eye, line, image, math.inf, brown)
     assert tip.where == "inside"
     assert tip.u_px == pytest.approx(END_PX, abs=2.0)
+
+
+def shown_on_ground(eye: EyeGeometry, line: Line, contrast) -> np.ndarray:
+    """An image of a needle, its contrast at positions (along, across) a share of METAL."""
+    y, x = np.mgrid[: eye.height_px, : eye.width_px]
+    (x0, y0), (dx, dy) = line.at_px(eye.trocar_px, 0.0), line.direction
+    along, across = (x - x0) * dx + (y - y0) * dy, (y - y0) * dx - (x - x0) * dy
+    image = GROUND - METAL * contrast(along, across)
+    image += np.random.default_rng(1).normal(0, 1.0, image.shape)
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("width_px", "left", "end_px"),
+    [(5.0, 0.5, END_PX), (9.0, 0.3, END_PX - 40)],
+    ids=["a soft point, as poor compression leaves it", "a soft shadow"],
+)
+def test_what_goes_on_softly_is_the_point_if_it_has_the_shafts_profile(registration, width_px, left, end_px):
+    eye = EyeGeometry(registration)
+    line = Line(eye.inwards_rad + 0.1, 0.0)
+
+    def contrast(along, across):
+        shaft = np.clip(3.5 - abs(across), 0, 1) * np.clip(END_PX - 39.5 - along, 0, 1)
+        soft = left * np.exp(-((across / width_px) ** 2)) * np.clip(END_PX + 0.5 - along, 0, 1)
+        return cv2.GaussianBlur(np.maximum(shaft, soft), (0, 0), 0.7)
+
+    image = shown_on_ground(eye, line, contrast)
+    assert located(eye, line, image).u_px == pytest.approx(end_px, abs=3.0)
+
+
+def test_motion_across_the_shaft_does_not_shorten_it(registration):
+    eye = EyeGeometry(registration)
+    line = Line(eye.inwards_rad + 0.1, 0.0)
+    ends_px = []
+    for motion_px in (0.0, 7.0):
+
+        def shown(along, across, half_px=3.5, motion_px=motion_px):
+            edges = np.linspace(-motion_px / 2, motion_px / 2, 15)
+            covered = np.mean([np.clip(half_px - abs(across - each), 0, 1) for each in edges], axis=0)
+            return cv2.GaussianBlur(covered * np.clip(END_PX + 0.5 - along, 0, 1), (0, 0), 0.7)
+
+        ends_px.append(tips_of(eye, line, shown_on_ground(eye, line, shown), math.inf)[1].u_px)
+    assert ends_px[1] == pytest.approx(ends_px[0], abs=0.3)

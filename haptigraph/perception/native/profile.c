@@ -1,0 +1,74 @@
+/* A shaft's own profile: what it looks like across, in grey and colour, and how much of it there is
+   elsewhere.
+
+   Metal mirrors its surroundings, so its contrast changes from image to image, but hardly along one shaft.
+   The projection onto its profile is therefore far less noisy than any contrast, and a shadow, which is wider
+   and softer, has little of it. */
+
+#include <string.h>
+
+#include "native.h"
+
+#define MAX_REACH_PX 16
+
+typedef struct {
+    double excess[2 * MAX_REACH_PX + 1], chroma[2 * MAX_REACH_PX + 1];
+} Across;
+
+/* Return the excess of a pixel; where the picture itself shows less, the background has changed. */
+static double excess_at(const Strip *strip, int lane, int station) {
+    const double excess = strip->excess.first[lane * strip->excess.stride + station];
+    const double most = 2 * fabs(strip->detrended.first[lane * strip->detrended.stride + station]);
+    return minimum(maximum(excess, -most), most);
+}
+
+/* Add `weight` times what one station shows across the shaft. */
+static void add_station(const Strip *strip, double middle, int reach, int station, double weight,
+                        Across *sum) {
+    const int lane = clamped(floor(middle + 0.5), -MAX_REACH_PX - 1, strip->excess.lanes + MAX_REACH_PX);
+    for (int k = -reach; k <= reach; k++) {
+        if (lane + k < 0 || lane + k >= strip->excess.lanes) continue;
+        sum->excess[reach + k] += weight * excess_at(strip, lane + k, station);
+        if (strip->chroma.lanes) {
+            const float *chroma = strip->chroma.first + (lane + k) * strip->chroma.stride;
+            sum->chroma[reach + k] += weight * chroma[station];
+        }
+    }
+}
+
+static void mean_across(const Strip *strip, double offset_px, double slope, int reach, int start, int stop,
+                        Across *mean) {
+    memset(mean, 0, sizeof *mean);
+    for (int n = start; n < stop; n++) {
+        const double middle = strip->excess.lanes / 2 + offset_px + slope * strip->u_px[n];
+        add_station(strip, middle, reach, n, 1.0 / (stop - start), mean);
+    }
+}
+
+static double dot(const Across *one, const Across *other, int reach) {
+    double sum = 0;
+    for (int k = 0; k <= 2 * reach; k++) {
+        sum += one->excess[k] * other->excess[k] + one->chroma[k] * other->chroma[k];
+    }
+    return sum;
+}
+
+/* Return how much of a shaft's profile, as it is from `start` to before `stop`, the stations from `from` to
+   before `until` show, 1 for all of it and 0 for none; NaN if the shaft does not stand out of the noise. `sd`
+   receives what noise does to it. The shaft's middle is at v = offset_px + slope u. */
+EXPORT double profile_share(const Strip *strip, double offset_px, double slope, int reach, int start,
+                            int stop, int from, int until, double *sd) {
+    Across shaft, beyond;
+    *sd = INFINITY;
+    reach = reach < MAX_REACH_PX ? reach : MAX_REACH_PX;
+    if (stop <= start || until <= from || reach < 0) return NAN;
+    mean_across(strip, offset_px, slope, reach, start, stop, &shaft);
+    mean_across(strip, offset_px, slope, reach, from, until, &beyond);
+    const int channels = strip->chroma.lanes ? 2 : 1;
+    const double noise_grey2 = square(strip->noise_grey);
+    const double power =
+        dot(&shaft, &shaft, reach) - channels * (2 * reach + 1) * noise_grey2 / (stop - start);
+    if (power <= noise_grey2 / (until - from)) return NAN;
+    *sd = sqrt(noise_grey2 / power / (until - from));
+    return dot(&shaft, &beyond, reach) / power;
+}

@@ -1,0 +1,97 @@
+"""The shaft's own profile: whether a needle goes on beyond an apparent tip.
+
+Turns a rectified strip, a fitted line and an apparent tip into how much of the shaft's profile, in grey and
+colour across it, the stations beyond the tip show (`native/profile.c`). A point that fades keeps that
+profile, however soft and faint it is. A soft shadow does not have it; a hard one begins with a drop.
+"""
+
+import math
+
+from haptigraph.perception.native.strip import profile_share
+from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip
+from haptigraph.perception.needle.shaft_line import LineFit
+
+__all__ = ["faint_rest_px", "has_profile_beyond", "profile_continues"]
+
+SHAFTS_MM = (
+    (-4.5, -1.2),
+    (-2.0, -0.3),
+)  # from the tip: where the profile is measured; the second if that is short
+MIN_SHAFT = 4  # stations of it
+REACH_PX = 4  # lanes beyond the shaft's edges
+BEYOND, BEFORE = (1, 6), (-6, -1)  # stations close to the tip that are compared
+MIN_SHARE, MIN_SNR = 0.1, 3.0  # of the profile; less is none
+MIN_LEFT, MIN_LEFT_SOFT = 0.5, 0.3  # of what is before a tip: less beyond it is a drop, or a soft shadow
+MAX_FAINT_MM = 0.4  # a longer rest is a shadow
+
+
+def has_profile_beyond(strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: float) -> bool:
+    """Return whether what is beyond an apparent tip has the shaft's profile.
+
+    Args:
+        strip: The strip.
+        fit: The shaft's line.
+        tip_px: The apparent tip, inside the globe.
+        px_per_mm: Scale.
+    """
+    return _is_left(strip, fit, tip_px, px_per_mm, MIN_LEFT_SOFT)
+
+
+def profile_continues(strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: float) -> bool:
+    """Return whether the shaft's profile continues beyond an apparent tip without a drop.
+
+    Args:
+        strip: The strip.
+        fit: The shaft's line.
+        tip_px: The apparent tip, inside the globe.
+        px_per_mm: Scale.
+    """
+    return _is_left(strip, fit, tip_px, px_per_mm, MIN_LEFT)
+
+
+def faint_rest_px(
+    strip: RectifiedStrip, fit: LineFit, tip_px: float, until_px: float, px_per_mm: float
+) -> float:
+    """Return how far a point may reach beyond an apparent tip, by the profile of what faintly continues it.
+
+    Args:
+        strip: The strip.
+        fit: The shaft's line.
+        tip_px: The apparent tip, inside the globe.
+        until_px: How far along the strip there is contrast.
+        px_per_mm: Scale.
+    """
+    rest_px = until_px - tip_px
+    if not 0 < rest_px <= MAX_FAINT_MM * px_per_mm:
+        return 0.0
+    start, stop = (int(strip.u_px.searchsorted(px, "right")) for px in (tip_px, until_px))
+    rest = slice(start, stop)
+    share, sd = _share(strip, fit, tip_px, rest, px_per_mm)
+    before, _ = _share(strip, fit, tip_px, _close(strip, tip_px, *BEFORE), px_per_mm)
+    is_clear = min(share, before) > MIN_SNR * sd > 0
+    return rest_px * min(share / (MIN_LEFT * before), 1.0) if is_clear else 0.0
+
+
+def _is_left(strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: float, least: float) -> bool:
+    share, sd = _share(strip, fit, tip_px, _close(strip, tip_px, *BEYOND), px_per_mm)
+    before, _ = _share(strip, fit, tip_px, _close(strip, tip_px, *BEFORE), px_per_mm)
+    return share > max(MIN_SHARE, MIN_SNR * sd, least * before)
+
+
+def _close(strip: RectifiedStrip, tip_px: float, start: int, stop: int) -> slice:
+    tip = int(strip.u_px.searchsorted(tip_px))
+    return slice(max(tip + start, 0), max(tip + stop, 0))
+
+
+def _share(
+    strip: RectifiedStrip, fit: LineFit, tip_px: float, part: slice, px_per_mm: float
+) -> tuple[float, float]:
+    """Return how much some stations show of the profile before a tip, and its standard deviation."""
+    tip = int(strip.u_px.searchsorted(tip_px))
+    reach_px = math.ceil(fit.width_px / 2) + REACH_PX
+    for from_mm, until_mm in SHAFTS_MM:
+        start = max(tip + round(from_mm * px_per_mm / STATION_PX), strip.inside.start)
+        stop = tip + round(until_mm * px_per_mm / STATION_PX)
+        if stop - start >= MIN_SHAFT:
+            return profile_share(strip, fit.offset_px, fit.slope, reach_px, slice(start, stop), part)
+    return 0.0, 0.0

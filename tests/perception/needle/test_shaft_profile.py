@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+from drawn_strip import END_PX, LANES, NOISE_GREY, SHADOW, U_PX, blurred, needle, strip
+
+from haptigraph.perception.native.strip import profile_share
+from haptigraph.perception.needle.rectify import STATION_PX
+from haptigraph.perception.needle.shaft_line import fit_line
+from haptigraph.perception.needle.shaft_profile import faint_rest_px, has_profile_beyond, profile_continues
+
+PX_PER_MM = 20.0
+SHAFT = slice(30, 70)  # stations
+
+
+def seen(excess):
+    drawn = strip(excess)
+    return drawn, fit_line(drawn, END_PX, drawn.half_px)
+
+
+def soft_point(rest_px: float, grey: float = -20.0):
+    """A needle whose last part is out of its edges' sharpness, as poor compression leaves it."""
+    rest = needle(3.0, END_PX + rest_px, grey) * (U_PX > END_PX)
+    return needle(3.0) + blurred(rest, 2.0, STATION_PX)
+
+
+@pytest.mark.parametrize("grey", [-40.0, 25.0])
+def test_a_shaft_shows_all_of_its_profile_and_its_ground_none(grey):
+    drawn = strip(needle(3.0, grey=grey))
+    share, sd = profile_share(drawn, 0.0, 0.0, 8, SHAFT, slice(70, 80))
+    assert share == pytest.approx(1.0, abs=5 * sd)
+    assert profile_share(drawn, 0.0, 0.0, 8, SHAFT, slice(110, 120))[0] == pytest.approx(0.0, abs=5 * sd)
+
+
+def test_the_standard_deviation_of_a_share_is_that_of_many_strips():
+    excess = needle(3.0, grey=-8.0)
+    shares = []
+    for seed in range(200):
+        noise = np.random.default_rng(seed).normal(0, NOISE_GREY, excess.shape)
+        noisy = strip(excess + noise - np.random.default_rng(7).normal(0, NOISE_GREY, excess.shape))
+        share, sd = profile_share(noisy, 0.0, 0.0, 8, SHAFT, slice(110, 114))
+        shares.append(share)
+    assert np.std(shares) == pytest.approx(sd, rel=0.25)
+
+
+def test_follows_a_shaft_across_the_lanes():
+    slope, offset_px = 0.05, -4.0
+    across = np.clip(3.5 - abs(LANES - offset_px - slope * U_PX), 0, 1)
+    drawn = strip(-40.0 * across)
+    assert profile_share(drawn, offset_px, slope, 8, SHAFT, slice(120, 130))[0] > 0.9
+    assert profile_share(drawn, 0.0, 0.0, 3, SHAFT, slice(120, 130))[0] < 0.7
+
+
+@pytest.mark.parametrize("parts", [(slice(5, 5), slice(9, 12)), (slice(5, 9), slice(12, 12))])
+def test_without_stations_there_is_no_share(parts):
+    share, sd = profile_share(strip(needle(3.0)), 0.0, 0.0, 8, *parts)
+    assert np.isnan(share) and sd == np.inf
+
+
+def test_what_does_not_stand_out_of_the_noise_has_no_profile():
+    drawn = strip(needle(3.0, grey=-0.2))
+    assert np.isnan(profile_share(drawn, 0.0, 0.0, 8, slice(60, 68), slice(70, 71))[0])
+
+
+def test_a_soft_point_has_the_profile_of_its_shaft():
+    drawn, fit = seen(soft_point(30.0))
+    assert has_profile_beyond(drawn, fit, END_PX, PX_PER_MM)
+
+
+def test_a_soft_shadow_has_not():
+    shadow = -20.0 * (SHADOW - SHADOW.mean()) * ((END_PX + 80 >= U_PX) & (U_PX > END_PX))
+    drawn, fit = seen(needle(3.0) + shadow)
+    assert not has_profile_beyond(drawn, fit, END_PX, PX_PER_MM)
+
+
+def test_a_profile_continues_where_it_does_not_drop():
+    drawn, fit = seen(needle(3.0))
+    assert profile_continues(drawn, fit, END_PX - 20, PX_PER_MM)
+    assert not profile_continues(drawn, fit, END_PX, PX_PER_MM)
+    hard_shadow, fit = seen(needle(3.0) + needle(3.0, END_PX + 60, -12.0) * (U_PX > END_PX))
+    assert not profile_continues(hard_shadow, fit, END_PX, PX_PER_MM)
+
+
+def test_a_faint_rest_leaves_its_length_open_and_a_clear_end_nothing():
+    drawn, fit = seen(soft_point(7.0, -25.0))
+    assert faint_rest_px(drawn, fit, END_PX, END_PX + 7, PX_PER_MM) > 3.5
+    clear, fit = seen(needle(3.0))
+    assert faint_rest_px(clear, fit, END_PX, END_PX + 7, PX_PER_MM) < 1.0
+
+
+def test_a_long_rest_is_a_shadow():
+    drawn, fit = seen(soft_point(40.0))
+    assert faint_rest_px(drawn, fit, END_PX, END_PX + 40, PX_PER_MM) == 0.0
+
+
+def test_a_shaft_too_short_to_have_a_profile_says_nothing():
+    drawn = strip(needle(3.0, 14.0))
+    _, fit = seen(needle(3.0))
+    assert not has_profile_beyond(drawn, fit, 14.0, PX_PER_MM)
+    assert not profile_continues(drawn, fit, 14.0, PX_PER_MM)
+    assert faint_rest_px(drawn, fit, 14.0, 20.0, PX_PER_MM) == 0.0
