@@ -21,7 +21,7 @@ MIN_SHAFT = 4  # stations of it
 REACH_PX = 4  # lanes beyond the shaft's edges
 BEYOND, BEFORE = (1, 6), (-6, -1)  # stations close to the tip that are compared
 MIN_SHARE, MIN_SNR = 0.1, 3.0  # of the profile; less is none
-MIN_LEFT, MIN_LEFT_SOFT = 0.5, 0.3  # of what is before a tip: less beyond it is a drop, or a soft shadow
+MIN_LEFT, MIN_LEFT_SOFT = 0.5, 0.25  # of what is before a tip: less beyond it is a drop, or a soft shadow
 MAX_FAINT_MM = 0.4  # a longer rest is a shadow
 
 

@@ -66,7 +66,7 @@ def test_a_soft_point_has_the_profile_of_its_shaft():
 
 
 def test_a_soft_shadow_has_not():
-    shadow = -20.0 * (SHADOW - SHADOW.mean()) * ((END_PX + 80 >= U_PX) & (U_PX > END_PX))
+    shadow = -15.0 * (SHADOW - SHADOW.mean()) * ((END_PX + 80 >= U_PX) & (U_PX > END_PX))
     drawn, fit = seen(needle(3.0) + shadow)
     assert not has_profile_beyond(drawn, fit, END_PX, PX_PER_MM)
 
