@@ -11,7 +11,7 @@ from haptigraph.perception.native.strip import profile_share
 from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
 
-__all__ = ["faint_rest_px", "has_profile_beyond", "profile_continues"]
+__all__ = ["fades_beyond", "faint_rest_px", "profile_continues"]
 
 SHAFTS_MM = (
     (-4.5, -1.2),
@@ -22,19 +22,35 @@ REACH_PX = 4  # lanes beyond the shaft's edges
 BEYOND, BEFORE = (1, 6), (-6, -1)  # stations close to the tip that are compared
 MIN_SHARE, MIN_SNR = 0.1, 3.0  # of the profile; less is none
 MIN_LEFT, MIN_LEFT_SOFT = 0.5, 0.25  # of what is before a tip: less beyond it is a drop, or a soft shadow
+MAX_POINT_MM, MAX_EVEN = (
+    2.0,
+    0.5,
+)  # of a soft point: its length, and how much of its profile is left at its end
 MAX_FAINT_MM = 0.4  # a longer rest is a shadow
 
 
-def has_profile_beyond(strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: float) -> bool:
-    """Return whether what is beyond an apparent tip has the shaft's profile.
+def fades_beyond(
+    strip: RectifiedStrip, fit: LineFit, tip_px: float, until_px: float, px_per_mm: float
+) -> bool:
+    """Return whether what is beyond an apparent tip has the shaft's profile, and fades: a shadow is even.
 
     Args:
         strip: The strip.
         fit: The shaft's line.
         tip_px: The apparent tip, inside the globe.
+        until_px: How far along the strip there is contrast.
         px_per_mm: Scale.
     """
-    return _is_left(strip, fit, tip_px, px_per_mm, MIN_LEFT_SOFT)
+    if until_px - tip_px > MAX_POINT_MM * px_per_mm or not _is_left(
+        strip, fit, tip_px, px_per_mm, MIN_LEFT_SOFT
+    ):
+        return False
+    third_px = (until_px - tip_px) / 3
+    starts_px = tip_px, until_px - third_px
+    first, last = (
+        _share(strip, fit, tip_px, _part(strip, px, px + third_px), px_per_mm)[0] for px in starts_px
+    )
+    return last < MAX_EVEN * first
 
 
 def profile_continues(strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: float) -> bool:
@@ -64,9 +80,7 @@ def faint_rest_px(
     rest_px = until_px - tip_px
     if not 0 < rest_px <= MAX_FAINT_MM * px_per_mm:
         return 0.0
-    start, stop = (int(strip.u_px.searchsorted(px, "right")) for px in (tip_px, until_px))
-    rest = slice(start, stop)
-    share, sd = _share(strip, fit, tip_px, rest, px_per_mm)
+    share, sd = _share(strip, fit, tip_px, _part(strip, tip_px, until_px), px_per_mm)
     before, _ = _share(strip, fit, tip_px, _close(strip, tip_px, *BEFORE), px_per_mm)
     is_clear = min(share, before) > MIN_SNR * sd > 0
     return rest_px * min(share / (MIN_LEFT * before), 1.0) if is_clear else 0.0
@@ -76,6 +90,10 @@ def _is_left(strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: floa
     share, sd = _share(strip, fit, tip_px, _close(strip, tip_px, *BEYOND), px_per_mm)
     before, _ = _share(strip, fit, tip_px, _close(strip, tip_px, *BEFORE), px_per_mm)
     return share > max(MIN_SHARE, MIN_SNR * sd, least * before)
+
+
+def _part(strip: RectifiedStrip, from_px: float, until_px: float) -> slice:
+    return slice(*(int(strip.u_px.searchsorted(px, "right")) for px in (from_px, until_px)))
 
 
 def _close(strip: RectifiedStrip, tip_px: float, start: int, stop: int) -> slice:

@@ -16,7 +16,7 @@ from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import TipEstimate, may_reach_wall
 from haptigraph.perception.needle.rectify import EyeGeometry, Line, RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
-from haptigraph.perception.needle.shaft_profile import faint_rest_px, has_profile_beyond, profile_continues
+from haptigraph.perception.needle.shaft_profile import fades_beyond, faint_rest_px, profile_continues
 from haptigraph.perception.needle.sharp_tip import (
     MAX_DIM_PX,
     MIN_DIM_PX,
@@ -240,7 +240,7 @@ class TipSelector:
         end = sharp_end(strip, tip) if tip.where == "inside" else None
         if end is None or _continues_colored(strip, end, tip.u_px):
             return None
-        if has_profile_beyond(strip, fit, end.u_px, self._eye.px_per_mm):
+        if fades_beyond(strip, fit, end.u_px, tip.u_px, self._eye.px_per_mm):
             return None
         step = self._refine(image, detection, end, end.u_px)
         return step if step and abs(step.u_px - end.u_px) < SHARP_END_PX else end

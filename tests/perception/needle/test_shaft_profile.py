@@ -5,7 +5,7 @@ from drawn_strip import END_PX, LANES, NOISE_GREY, SHADOW, U_PX, blurred, needle
 from haptigraph.perception.native.strip import profile_share
 from haptigraph.perception.needle.rectify import STATION_PX
 from haptigraph.perception.needle.shaft_line import fit_line
-from haptigraph.perception.needle.shaft_profile import faint_rest_px, has_profile_beyond, profile_continues
+from haptigraph.perception.needle.shaft_profile import fades_beyond, faint_rest_px, profile_continues
 
 PX_PER_MM = 20.0
 SHAFT = slice(30, 70)  # stations
@@ -60,15 +60,32 @@ def test_what_does_not_stand_out_of_the_noise_has_no_profile():
     assert np.isnan(profile_share(drawn, 0.0, 0.0, 8, slice(60, 68), slice(70, 71))[0])
 
 
-def test_a_soft_point_has_the_profile_of_its_shaft():
-    drawn, fit = seen(soft_point(30.0))
-    assert has_profile_beyond(drawn, fit, END_PX, PX_PER_MM)
+def fading(rest, rest_px: float):
+    """A drawn rest that fades to nothing over its length."""
+    return needle(3.0) + (rest - needle(3.0)) * np.clip((END_PX + rest_px - U_PX) / rest_px, 0, 1)
 
 
-def test_a_soft_shadow_has_not():
-    shadow = -15.0 * (SHADOW - SHADOW.mean()) * ((END_PX + 80 >= U_PX) & (U_PX > END_PX))
-    drawn, fit = seen(needle(3.0) + shadow)
-    assert not has_profile_beyond(drawn, fit, END_PX, PX_PER_MM)
+@pytest.mark.parametrize("grey", [-20.0, -30.0])
+def test_a_soft_point_has_the_profile_of_its_shaft_and_fades(grey):
+    drawn, fit = seen(fading(soft_point(30.0, grey), 30.0))
+    assert fades_beyond(drawn, fit, END_PX, END_PX + 30, PX_PER_MM)
+
+
+@pytest.mark.parametrize("rest_px", [30.0, 80.0])
+def test_an_even_rest_is_a_shadow_however_much_of_the_profile_it_has(rest_px):
+    drawn, fit = seen(soft_point(rest_px, -30.0))
+    assert not fades_beyond(drawn, fit, END_PX, END_PX + rest_px, PX_PER_MM)
+
+
+def test_a_long_rest_is_a_shadow_though_it_fades():
+    drawn, fit = seen(fading(soft_point(80.0, -30.0), 80.0))
+    assert not fades_beyond(drawn, fit, END_PX, END_PX + 80, PX_PER_MM)
+
+
+def test_a_soft_shadow_that_fades_has_not_the_profile_of_the_shaft():
+    shadow = -15.0 * (SHADOW - SHADOW.mean()) * ((END_PX + 30 >= U_PX) & (U_PX > END_PX))
+    drawn, fit = seen(fading(needle(3.0) + shadow, 30.0))
+    assert not fades_beyond(drawn, fit, END_PX, END_PX + 30, PX_PER_MM)
 
 
 def test_a_profile_continues_where_it_does_not_drop():
@@ -86,7 +103,7 @@ def test_a_faint_rest_leaves_its_length_open_and_a_clear_end_nothing():
     assert faint_rest_px(clear, fit, END_PX, END_PX + 7, PX_PER_MM) < 1.0
 
 
-def test_a_long_rest_is_a_shadow():
+def test_a_long_faint_rest_is_a_shadow():
     drawn, fit = seen(soft_point(40.0))
     assert faint_rest_px(drawn, fit, END_PX, END_PX + 40, PX_PER_MM) == 0.0
 
@@ -94,6 +111,6 @@ def test_a_long_rest_is_a_shadow():
 def test_a_shaft_too_short_to_have_a_profile_says_nothing():
     drawn = strip(needle(3.0, 14.0))
     _, fit = seen(needle(3.0))
-    assert not has_profile_beyond(drawn, fit, 14.0, PX_PER_MM)
+    assert not fades_beyond(drawn, fit, 14.0, 20.0, PX_PER_MM)
     assert not profile_continues(drawn, fit, 14.0, PX_PER_MM)
     assert faint_rest_px(drawn, fit, 14.0, 20.0, PX_PER_MM) == 0.0
