@@ -38,7 +38,8 @@ MAX_POSITION_PX = 1e9
 _RIDGE_SEARCH = LIBRARY.layout(
     "RidgeSearch",
     ("d", "step_px dark_grey mask_grey strip_grey lowest_slope highest_slope inlier_steps below_ilm_px"),
-    ("i", "across down side votes erased gap run beyond"),
+    ("d", "across down"),
+    ("i", "side votes erased gap run beyond"),
 )
 _SURFACE_PAIR = LIBRARY.layout(
     "SurfacePair", ("p", "x_px ilm_px rpe_px ilm_visible rpe_visible"), ("i", "columns")
@@ -83,8 +84,8 @@ class RidgeSearch(NamedTuple):
     highest_slope: float
     inlier_steps: float
     below_ilm_px: float
-    across: int
-    down: int
+    across: float
+    down: float
     side: int
     votes: int
     erased: int

@@ -114,11 +114,7 @@ def make_scan(size=(48, 56)):
 
 
 def make_cells():
-    return make_scan().astype(np.int32)
-
-
-def grid_of(cells, group, pixels):
-    return bscan.ScanGrid(cells, group, pixels)
+    return make_scan().astype(np.int32) * 256
 
 
 # Each wrapper by the C function it calls, with arguments that are right.
@@ -144,18 +140,19 @@ WRAPPERS = {
         region_pixels.fill_marked,
         lambda: [*images(1), REGION, np.ones((4, 9), bool), 3, *images(1)],
     ),
-    "sum_cells": (bscan.sum_cells, lambda: [make_scan(), 3, 2]),
-    "cell_levels": (lambda *grid: grid_of(*grid).levels(), lambda: [make_cells(), 2, 1]),
+    "sum_squares": (bscan.sum_squares, lambda: [make_scan(), 3, 2]),
+    "average_cells": (bscan.average_cells, lambda: [make_scan(), 3.3, 1.7]),
+    "cell_levels": (lambda *grid: bscan.ScanGrid(*grid).levels(), lambda: [make_cells(), 2]),
     "best_path": (
         bscan.best_path,
         lambda: [make_scan().astype(np.float32), np.array([4, 1, 0, 1, 4], np.float32)],
     ),
     "find_surfaces": (
         lambda *given: bscan.find_surfaces(
-            grid_of(*given[:3]),
-            bscan.SurfaceSearch(*given[3:-6], bscan.Smoothing(*given[-6:-3]), bscan.Smoothing(*given[-3:])),
+            bscan.ScanGrid(*given[:2]),
+            bscan.SurfaceSearch(*given[2:-6], bscan.Smoothing(*given[-6:-3]), bscan.Smoothing(*given[-3:])),
         ),
-        lambda: [make_cells(), 2, 1, *SURFACES, np.ones(5), 0.2, 1.0, np.ones(7), 0.3, 0.8],
+        lambda: [make_cells(), 2, *SURFACES, np.ones(5), 0.2, 1.0, np.ones(7), 0.3, 0.8],
     ),
     "remove_specks": (bscan.remove_specks, lambda: [np.arange(9) % 5 > 1, 3]),
     "surface_lines": (
@@ -184,12 +181,12 @@ WRAPPERS = {
     "find_shaft": (
         lambda *given: bscan_needle.find_shaft(
             given[0],
-            grid_of(*given[1:4]),
-            bscan_needle.RidgeSearch(*given[9:25]),
-            bscan_needle.ShaftSearch(*given[25:]),
-            bscan_needle.SurfacePair(*given[4:9]),
+            bscan.ScanGrid(*given[1:3]),
+            bscan_needle.RidgeSearch(*given[8:24]),
+            bscan_needle.ShaftSearch(*given[24:]),
+            bscan_needle.SurfacePair(*given[3:8]),
         ),
-        lambda: [make_scan(), make_cells(), 2, 1, *SURFACE_PAIR, *RIDGES, *SHAFTS],
+        lambda: [make_scan(), make_cells(), 2, *SURFACE_PAIR, *RIDGES, *SHAFTS],
     ),
     "drop_in_vitreous": (
         lambda *given: bscan_needle.drop_in_vitreous(

@@ -45,8 +45,8 @@ static inline int32_t square_sum(const int32_t *cells, int columns, int row, int
 VECTORS static void mark_ridges(const Grid *grid, const RidgeSearch *search, const int32_t *limit_row,
                                 int32_t *core, int32_t *sides, uint8_t *mask) {
     const int columns = grid->columns, rows = grid->rows, s = search->side;
-    const int32_t min = (int32_t)(search->mask_grey * 36 * grid->pixels);
-    const int32_t dark = (int32_t)(search->dark_grey * 36 * grid->pixels);
+    const int32_t min = (int32_t)(search->mask_grey * 36 * CELL_STEPS);
+    const int32_t dark = (int32_t)(search->dark_grey * 36 * CELL_STEPS);
     for (int row = 1; row < rows - 1; row++) {
         const int32_t *at = grid->cells + (ptrdiff_t)row * columns;
         for (int x = 1; x < columns - 1; x++) {

@@ -157,11 +157,11 @@ static int find_ilm(const Grid *grid, const SurfaceSearch *search, int32_t *sums
     if (!reward) return 0;
     float *step = reward + count, *rise = step + count;
     int32_t *path = (int32_t *)(rise + count);
-    const int pixels = grid->pixels * grid->group;
+    const int steps = CELL_STEPS * grid->group;
     for (int column = 0; column < columns; column++) {
         const ptrdiff_t first = (ptrdiff_t)column * rows;
-        darken_above(sums, deep, search->top_grey * pixels, (int32_t)(search->dark_grey * pixels));
-        reward_ilm(sums + deep, rows, search, 1 / (float)pixels, step + first, rise + first, reward + first);
+        darken_above(sums, deep, search->top_grey * steps, (int32_t)(search->dark_grey * steps));
+        reward_ilm(sums + deep, rows, search, 1 / (float)steps, step + first, rise + first, reward + first);
         sums += stride;
     }
     const int found = best_rows(reward, columns, rows, search->most, search->step_grey, path) &&
@@ -205,7 +205,7 @@ static int find_rpe(const Grid *grid, const SurfaceSearch *search, const int32_t
     if (!reward) return 0;
     float *rise = reward + count, *fall = rise + count;
     int32_t *path = (int32_t *)(fall + count);
-    const float scale = 1 / (float)(grid->pixels * grid->group);
+    const float scale = 1 / (float)(CELL_STEPS * grid->group);
     for (int column = 0; column < columns; column++) {
         const int first = clamped(ilm[column] + 0.5, 0, end) + search->thinnest;
         const int from = first < above ? above - first : 0, to = end - 2 * band - first;
