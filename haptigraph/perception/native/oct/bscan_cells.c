@@ -44,47 +44,43 @@ VECTORS EXPORT void sum_squares(const uint8_t *image, int width, int across, int
     }
 }
 
-/* Write the first 256th of each of so many cells along a side of the image, and where the last one ends. */
+/* Write where the cells along a side of the image begin, in 256ths of a pixel, and where the last one ends. */
 static void write_edges(double size_px, int count, int32_t *edges) {
     for (int cell = 0; cell <= count; cell++) edges[cell] = (int32_t)floor(256 * size_px * cell + 0.5);
 }
 
-/* Return how many 256ths of a pixel lie between two edges. */
-static inline int32_t part_of(int32_t pixel, int32_t start, int32_t stop) {
-    const int32_t first = pixel * 256, last = first + 256;
-    return (last < stop ? last : stop) - (first > start ? first : start);
-}
-
-/* Add the rows of pixels from one edge to another, each by its part between them. */
-static inline void add_rows(const uint8_t *image, int width, int32_t start, int32_t stop,
+/* Sum the rows of pixels from one edge to another, each by its part between them. */
+static inline void sum_rows(const uint8_t *image, int width, int32_t start, int32_t stop,
                             uint32_t *restrict sums) {
     memset(sums, 0, sizeof *sums * (size_t)width);
     for (int32_t row = start >> 8; row << 8 < stop; row++) {
-        const uint8_t *restrict pixels = image + (ptrdiff_t)row * width;
-        const uint16_t part = (uint16_t)part_of(row, start, stop);
-        for (int x = 0; x < width; x++) sums[x] += (uint16_t)(pixels[x] * part);
+        const int32_t first = row << 8, last = first + 256;
+        const uint16_t part = (uint16_t)((last < stop ? last : stop) - (first > start ? first : start));
+        const uint8_t *restrict pixel = image + (ptrdiff_t)row * width;
+        for (int x = 0; x < width; x++) sums[x] += (uint16_t)(pixel[x] * part);
     }
 }
 
 /* Write the mean grey of cells of `across` x `down` pixels, at least 1 each way, in steps. Their sizes need
-   not be whole, so that they are the same in millimetres whatever the image's resolution. `scratch` has a
-   value per column of the image, and per cell of a row and a column, and two more. */
+   not be whole, so that they are the same in millimetres for every scanner. `scratch` has a value per column
+   of the image, and per column and row of cells, and 3 more. */
 VECTORS EXPORT void average_cells(const uint8_t *image, int width, double across, double down, int rows,
                                   int columns, uint32_t *scratch, int32_t *cells) {
-    int32_t *lefts = (int32_t *)(scratch + width), *tops = lefts + columns + 1;
+    uint32_t *sums = scratch;
+    int32_t *lefts = (int32_t *)(sums + width + 1), *tops = lefts + columns + 1;
     write_edges(across, columns, lefts);
     write_edges(down, rows, tops);
+    sums[width] = 0; /* where the last column may end */
     for (int row = 0; row < rows; row++, cells += columns) {
-        add_rows(image, width, tops[row], tops[row + 1], scratch);
+        sum_rows(image, width, tops[row], tops[row + 1], sums);
         const double steps = (double)CELL_STEPS / (tops[row + 1] - tops[row]);
-        for (int column = 0; column < columns; column++) {
+        int64_t whole = 0, before = 0;
+        for (int column = 0, x = 0; column < columns; column++) {
             const int32_t left = lefts[column], right = lefts[column + 1];
-            const int first = left >> 8, last = (right - 1) >> 8;
-            int64_t sum = 0;
-            for (int x = first + 1; x < last; x++) sum += scratch[x];
-            sum = 256 * sum + (int64_t)scratch[first] * part_of(first, left, right);
-            if (last > first) sum += (int64_t)scratch[last] * part_of(last, left, right);
-            cells[column] = (int32_t)((double)sum * (steps / (right - left)) + 0.5);
+            for (; x < right >> 8; x++) whole += sums[x];
+            const int64_t until = 256 * whole + (int64_t)(right & 255) * sums[x];
+            cells[column] = (int32_t)((double)(until - before) * (steps / (right - left)) + 0.5);
+            before = until;
         }
     }
 }
