@@ -144,13 +144,28 @@ static int prefer_upper(const float *reward, const float *rise, int columns, int
     return found;
 }
 
+/* Return a quantile of the values of some columns, of all if `of` is NULL; 0 for none. */
+static float quantile(const float *values, const uint8_t *of, int columns, double share, float *ordered) {
+    int count = 0;
+    for (int column = 0; column < columns; column++)
+        if (!of || of[column]) ordered[count++] = values[column];
+    qsort(ordered, (size_t)count, sizeof *ordered, compare_floats);
+    return count ? ordered[(int)(share * (count - 1))] : 0;
+}
+
+/* Return the least rise of tissue, given that along a path. */
+static float least_rise(const SurfaceSearch *search, const float *rise, int columns, float *ordered) {
+    const float typical = quantile(rise, NULL, columns, 0.9, ordered);
+    return (float)maximum(search->min_rise_grey, search->min_rise_share * typical);
+}
+
 /* Find the ILM: the first step from dark to bright with bright tissue below. `sums` are the running sums of
    each column, `stride` values each, from `deep` rows above the image on.
 
    Write its sub-pixel row in each column, and how much brighter it is below than above [grey levels]. Return
    whether there was memory. */
 static int find_ilm(const Grid *grid, const SurfaceSearch *search, int32_t *sums, int stride, double *ilm,
-                    float *rise_grey) {
+                    float *rise_grey, float *ordered) {
     const int columns = grid->columns / grid->group, rows = grid->rows, deep = search->deep;
     const size_t count = (size_t)columns * (size_t)rows;
     float *reward = malloc((3 * count + (size_t)columns) * sizeof *reward);
@@ -164,8 +179,13 @@ static int find_ilm(const Grid *grid, const SurfaceSearch *search, int32_t *sums
         reward_ilm(sums + deep, rows, search, 1 / (float)steps, step + first, rise + first, reward + first);
         sums += stride;
     }
-    const int found = best_rows(reward, columns, rows, search->most, search->step_grey, path) &&
-                      prefer_upper(reward, rise, columns, rows, search, path);
+    int found = best_rows(reward, columns, rows, search->most, search->step_grey, path);
+    for (int column = 0; found && column < columns; column++)
+        rise_grey[column] = rise[(ptrdiff_t)column * rows + path[column]];
+    const float least = least_rise(search, rise_grey, columns, ordered);
+    for (size_t at = 0; at < count; at++) reward[at] = rise[at] >= least ? reward[at] : 0;
+    found = found && best_rows(reward, columns, rows, search->most, search->step_grey, path) &&
+            prefer_upper(reward, rise, columns, rows, search, path);
     for (int column = 0; found && column < columns; column++) {
         const ptrdiff_t first = (ptrdiff_t)column * rows;
         ilm[column] = peak_near(step + first, rows, path[column]);
@@ -226,15 +246,6 @@ static int find_rpe(const Grid *grid, const SurfaceSearch *search, const int32_t
     return found;
 }
 
-/* Return a quantile of the values of some columns, of all if `of` is NULL; 0 for none. */
-static float quantile(const float *values, const uint8_t *of, int columns, double share, float *ordered) {
-    int count = 0;
-    for (int column = 0; column < columns; column++)
-        if (!of || of[column]) ordered[count++] = values[column];
-    qsort(ordered, (size_t)count, sizeof *ordered, compare_floats);
-    return count ? ordered[(int)(share * (count - 1))] : 0;
-}
-
 /* Find both surfaces.
 
    Write their rows and standard deviations in rows of the grid, (4, columns): of the ILM, of the RPE, and
@@ -254,9 +265,8 @@ VECTORS EXPORT int find_surfaces(const Grid *grid, const SurfaceSearch *search, 
         running_sums(grid, column, deep, below, sums + (ptrdiff_t)column * stride);
     double *ilm = rows, *rpe = rows + columns;
     uint8_t *is_tissue = visible, *is_band = visible + columns;
-    int found = find_ilm(grid, search, sums, stride, ilm, rise);
-    const float typical = quantile(rise, NULL, columns, 0.9, ordered);
-    float least = (float)maximum(search->min_rise_grey, search->min_rise_share * typical);
+    int found = find_ilm(grid, search, sums, stride, ilm, rise, ordered);
+    float least = least_rise(search, rise, columns, ordered);
     for (int column = 0; column < columns; column++) is_tissue[column] = rise[column] >= least;
     remove_specks(is_tissue, columns, search->min_columns);
     *tissue_grey = quantile(rise, is_tissue, columns, 0.5, ordered);
