@@ -196,8 +196,8 @@ static int find_ilm(const Grid *grid, const SurfaceSearch *search, int32_t *sums
 }
 
 /* Write rise, fall and reward of the RPE in each row of a column, from its running sums at its first row. */
-static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSearch *search, float scale,
-                       float *restrict rise, float *restrict fall, float *restrict reward) {
+static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSearch *search, float least,
+                       float scale, float *restrict rise, float *restrict fall, float *restrict reward) {
     const float limit = 1 / (float)search->saturation_grey;
     const int band = search->band, edge = search->edge;
     for (int row = 0; row < rows; row++) {
@@ -205,8 +205,9 @@ static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSear
         const float step = mean(sums + row, 0, edge, scale) - mean(sums + row, -edge, 0, scale);
         rise[row] = body - mean(sums + row, -band, 0, scale);
         fall[row] = body - mean(sums + row, 2 * band, 4 * band, scale);
-        reward[row] = saturating(step, limit) + saturating(rise[row], limit) +
-                      FALL_SHARE * saturating(fall[row], limit);
+        const float sum = saturating(step, limit) + saturating(rise[row], limit) +
+                          FALL_SHARE * saturating(fall[row], limit);
+        reward[row] = (rise[row] > least) & (fall[row] > least) ? sum : 0;
     }
 }
 
@@ -216,7 +217,7 @@ static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSear
    Write its sub-pixel row in each column, and by how much the band is brighter than above and below it.
    Return whether there was memory. */
 static int find_rpe(const Grid *grid, const SurfaceSearch *search, const int32_t *sums, int stride,
-                    const double *ilm, const uint8_t *visible, double *rpe, float *rise_grey,
+                    const double *ilm, const uint8_t *visible, float least, double *rpe, float *rise_grey,
                     float *fall_grey) {
     const int columns = grid->columns / grid->group, band = search->band, end = grid->rows;
     const int above = band > search->edge ? band : search->edge, rows = search->thickest - search->thinnest;
@@ -232,7 +233,7 @@ static int find_rpe(const Grid *grid, const SurfaceSearch *search, const int32_t
         const ptrdiff_t at = (ptrdiff_t)column * rows + from;
         if (!visible[column] || to <= from) continue;
         reward_rpe(sums + (ptrdiff_t)column * stride + first + from, (to < rows ? to : rows) - from, search,
-                   scale, rise + at, fall + at, reward + at);
+                   least, scale, rise + at, fall + at, reward + at);
     }
     const int found = best_rows(reward, columns, rows, search->most, search->rpe_step_grey, path);
     for (int column = 0; found && column < columns; column++) {
@@ -271,8 +272,8 @@ VECTORS EXPORT int find_surfaces(const Grid *grid, const SurfaceSearch *search, 
     remove_specks(is_tissue, columns, search->min_columns);
     *tissue_grey = quantile(rise, is_tissue, columns, 0.5, ordered);
     smooth_rows(ilm, is_tissue, columns, &search->ilm, scratch, rows + 2 * count);
-    found = found && find_rpe(grid, search, sums + deep, stride, ilm, is_tissue, rpe, rise, fall);
     least = (float)maximum(search->min_band_share * *tissue_grey, search->min_band_grey);
+    found = found && find_rpe(grid, search, sums + deep, stride, ilm, is_tissue, least, rpe, rise, fall);
     for (int column = 0; column < columns; column++)
         is_band[column] = is_tissue[column] && rise[column] > least && fall[column] > least &&
                           rpe[column] < grid->rows - 2 * search->band;
