@@ -18,7 +18,7 @@ from haptigraph.perception.oct.bevel import Drop, drop_in_tissue, drop_in_vitreo
 from haptigraph.perception.oct.ridge import Ridge, ridge_search
 from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage
 from haptigraph.perception.oct.shadow import Edge, find_shadow_edge
-from haptigraph.perception.oct.surfaces import Surfaces
+from haptigraph.perception.oct.surfaces import Surfaces, without_specks
 
 __all__ = [
     "SLOPE_COLUMNS",
@@ -125,7 +125,9 @@ def find_needle(scan: ScanImage, surfaces: Surfaces, dark_grey: float) -> tuple[
     found, ilm_visible, rpe_visible = find_shaft(
         scan.image, scan.grid, ridges, search, SurfacePair(*surfaces[:5])
     )
-    surfaces = surfaces._replace(ilm_visible=ilm_visible, rpe_visible=rpe_visible)
+    surfaces = surfaces._replace(
+        ilm_visible=without_specks(ilm_visible), rpe_visible=without_specks(rpe_visible)
+    )
     if found is None:
         return None, surfaces
     shaft = Shaft(Ridge(found.line, ridges.step_px), found.end_steps, found.share, found.typical_grey)
