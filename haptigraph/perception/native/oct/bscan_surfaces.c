@@ -4,6 +4,7 @@
    A path has one row per column and maximizes the sum of rewards less the cost of steps. */
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "oct/bscan.h"
 
@@ -247,6 +248,16 @@ static int find_rpe(const Grid *grid, const SurfaceSearch *search, const int32_t
     return found;
 }
 
+/* Average values over three visible columns: the speckle of one says little of a band. */
+static void average_visible(float *values, const uint8_t *visible, int columns, float *kept) {
+    memcpy(kept, values, sizeof *kept * (size_t)columns);
+    for (int column = 0; column < columns; column++) {
+        const float before = column > 0 && visible[column - 1] ? kept[column - 1] : kept[column];
+        const float after = column + 1 < columns && visible[column + 1] ? kept[column + 1] : kept[column];
+        values[column] = (before + 2 * kept[column] + after) / 4;
+    }
+}
+
 /* Find both surfaces.
 
    Write their rows and standard deviations in rows of the grid, (4, columns): of the ILM, of the RPE, and
@@ -274,6 +285,7 @@ VECTORS EXPORT int find_surfaces(const Grid *grid, const SurfaceSearch *search, 
     smooth_rows(ilm, is_tissue, columns, &search->ilm, scratch, rows + 2 * count);
     least = (float)maximum(search->min_band_share * *tissue_grey, search->min_band_grey);
     found = found && find_rpe(grid, search, sums + deep, stride, ilm, is_tissue, least, rpe, rise, fall);
+    average_visible(fall, is_tissue, columns, ordered);
     for (int column = 0; column < columns; column++)
         is_band[column] = is_tissue[column] && rise[column] > least && fall[column] > least &&
                           rpe[column] < grid->rows - 2 * search->band;
