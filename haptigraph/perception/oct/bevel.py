@@ -23,7 +23,7 @@ class BevelConstants(NamedTuple):
     """A spot on the line, or the metal's own brightness, reaches so far below it."""
     above_mm: float = 0.046
     """Searched above the line."""
-    half_column_mm: float = 0.016
+    half_column_mm: float = 0.02
     """Lateral half width of the column in which a spot is searched."""
     bright_share: float = 0.6
     """Of the shaft's contrast, for a spot."""
