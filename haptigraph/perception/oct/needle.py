@@ -57,7 +57,7 @@ class NeedleConstants(NamedTuple):
     on_ridge_mm: float = 0.083
     """Axial; nearer to a ridge, it may have been mistaken for tissue."""
     bevel_mm: float = 0.5
-    """Lateral, from the end of the continuous line to the tip; in tissue the tip may be further."""
+    """From the end of the continuous line: lateral to the tip, axial to tissue with the tip in it."""
     tissue_sd_mm: float = 0.003
     """Lateral; more uncertain is the edge of a shadow that begins in tissue."""
     near_mm: float = 0.06
@@ -175,7 +175,11 @@ def _with_tip(scan: ScanImage, shaft: Shaft, surfaces: Surfaces) -> Needle:
     further_px = ridge.side * (edge.x_px - end_x)
     if on_line[1] < ilm_y and further_px * scan.scale.lateral_mm > CONSTANTS.bevel_mm:
         edge = edge._replace(sd_px=further_px / 2)  # the shadow of something else, or a shaft that fades
-    return _at_edge(scan, shaft, edge, on_line, ilm_y)
+    needle = _at_edge(scan, shaft, edge, on_line, ilm_y)
+    hidden_mm = (ilm_y - shaft.end_px[1]) * scan.scale.axial_mm
+    if on_line[1] >= ilm_y and hidden_mm > CONSTANTS.bevel_mm:
+        return needle._replace(sd_px=None)  # metal would be visible above the tissue
+    return needle
 
 
 def _beside_vessels(shaft: Shaft, deep: Edge, shallow: Edge) -> Edge:
