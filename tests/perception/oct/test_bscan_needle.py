@@ -224,7 +224,7 @@ def test_no_needle_is_found_where_there_is_none(fixed, scenes):
 
 def test_tissue_at_the_images_top_is_left_out_there_and_the_rest_is_right():
     errors_px, left_out, invented = [], 0, 0
-    for number in range(16):
+    for number in range(32):
         usual = random_scene(number, SEED + 4)
         top_mm = usual.scan.axial_mm_per_px * usual.scan.height_px / 2
         fixed = {"height_mm": top_mm - 0.06, "tilt_deg": 5.0, "haze_db": -20.0, "vessels": 0}
@@ -244,7 +244,7 @@ def test_tissue_at_the_images_top_is_left_out_there_and_the_rest_is_right():
             invented += int((true < -6).sum())
         outside = np.interp(in_px(found, "rpe", image)[0], np.arange(512), scan.truth.ilm_px) < 0
         left_out += int(outside.sum())
-    assert left_out > 200  # the RPE is found below tissue whose upper side is not in the image
+    assert left_out > 400  # the RPE is found below tissue whose upper side is not in the image
     assert invented <= 0.02 * left_out
     assert np.median(errors_px) <= 1.5
     assert np.percentile(errors_px, 95) <= 5

@@ -15,6 +15,12 @@
 /* Compress large differences; `share` is one over the limit. */
 static inline float saturating(float grey, float share) { return grey / (fabsf(grey) * share + 1); }
 
+/* Return how far a rise counts: not up to the least, in full from twice the least on. */
+static inline float evidence(float rise, float least) {
+    const float share = rise / least - 1;
+    return share < 0 ? 0 : share < 1 ? share : 1;
+}
+
 /* Return the mean grey of a column's rows from start to before stop, from its running sums. */
 static inline float mean(const int32_t *sums, int start, int stop, float scale) {
     return (float)(sums[stop] - sums[start]) * (scale / (float)(stop - start));
@@ -184,7 +190,7 @@ static int find_ilm(const Grid *grid, const SurfaceSearch *search, int32_t *sums
     for (int column = 0; found && column < columns; column++)
         rise_grey[column] = rise[(ptrdiff_t)column * rows + path[column]];
     const float least = least_rise(search, rise_grey, columns, ordered);
-    for (size_t at = 0; at < count; at++) reward[at] = rise[at] >= least ? reward[at] : 0;
+    for (size_t at = 0; at < count; at++) reward[at] *= evidence(rise[at], least);
     found = found && best_rows(reward, columns, rows, search->most, search->step_grey, path) &&
             prefer_upper(reward, rise, columns, rows, search, path);
     for (int column = 0; found && column < columns; column++) {
@@ -208,7 +214,7 @@ static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSear
         fall[row] = body - mean(sums + row, 2 * band, 4 * band, scale);
         const float sum = saturating(step, limit) + saturating(rise[row], limit) +
                           FALL_SHARE * saturating(fall[row], limit);
-        reward[row] = (rise[row] > least) & (fall[row] > least) ? sum : 0;
+        reward[row] = sum * evidence(rise[row] < fall[row] ? rise[row] : fall[row], least);
     }
 }
 
