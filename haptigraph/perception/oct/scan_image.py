@@ -52,7 +52,8 @@ class ScanImage(NamedTuple):
     @property
     def pixel_sd_grey(self) -> float:
         """Standard deviation of the noise of one pixel, if neighbours are independent."""
-        return max(self.levels.difference_grey / NEIGHBOURS, 0.25) * math.sqrt(self.cell_px[0] * self.cell_px[1])
+        cell_grey = max(self.levels.difference_grey / NEIGHBOURS, 0.25)
+        return cell_grey * math.sqrt(self.cell_px[0] * self.cell_px[1])
 
     @property
     def column_px(self) -> float:

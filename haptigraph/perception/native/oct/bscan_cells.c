@@ -19,7 +19,7 @@ static inline void add_groups(const uint16_t *restrict sums, int across, int col
 
 /* Sum the grey of squares of `across` x `down` pixels; `sums` holds one value per column of the image. */
 VECTORS EXPORT void sum_squares(const uint8_t *image, int width, int across, int down, int rows, int columns,
-                              uint16_t *sums, int32_t *cells) {
+                                uint16_t *sums, int32_t *cells) {
     for (int row = 0; row < rows; row++) {
         memset(sums, 0, sizeof *sums * (size_t)width);
         for (int line = 0; line < down; line++, image += width)
@@ -44,7 +44,8 @@ VECTORS EXPORT void sum_squares(const uint8_t *image, int width, int across, int
     }
 }
 
-/* Write where the cells along a side of the image begin, in 256ths of a pixel, and where the last one ends. */
+/* Write where the cells along a side of the image begin, in 256ths of a pixel, and where the last one ends.
+ */
 static void write_edges(double size_px, int count, int32_t *edges) {
     for (int cell = 0; cell <= count; cell++) edges[cell] = (int32_t)floor(256 * size_px * cell + 0.5);
 }

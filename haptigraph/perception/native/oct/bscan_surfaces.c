@@ -175,7 +175,7 @@ static int find_ilm(const Grid *grid, const SurfaceSearch *search, int32_t *sums
                     float *rise_grey, float *ordered) {
     const int columns = grid->columns / grid->group, rows = grid->rows, deep = search->deep;
     const size_t count = (size_t)columns * (size_t)rows;
-    float *reward = malloc((3 * count + (size_t)columns) * sizeof *reward);
+    float *reward = calloc(3 * count + (size_t)columns, sizeof *reward);
     if (!reward) return 0;
     float *step = reward + count, *rise = step + count;
     int32_t *path = (int32_t *)(rise + count);
