@@ -190,27 +190,51 @@ def lengths_of(found):
     ]
 
 
+def changes_of(scene, factor):
+    """Return how the lengths in a scene change when it is resampled, and how far the tip moves [mm].
+
+    Nothing where a length is not known in the scan itself.
+    """
+    image = scene.take().image
+    size = round(factor * 512), round(factor * 512)
+    resampled = cv2.resize(image, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC)
+    one, other = (
+        perceiver_of(scene, size_px)[0](Capture(0, 0, image)).found
+        for size_px, image in ((None, image), (size, resampled))
+    )
+    if not {"needle_tip", "rpe", "ilm"} <= set(one):
+        return None
+    changes = [abs(new / old - 1) for old, new in zip(lengths_of(one), lengths_of(other), strict=True)]
+    return max(changes), math.dist(one["needle_tip"].at_mm, other["needle_tip"].at_mm)
+
+
 @pytest.mark.parametrize("factor", mostly_slow([0.7, 1.5, 2.0], 0.7))
 def test_a_scan_of_another_resolution_has_the_same_lengths(factor):
-    changes, tips_mm = [], []
-    for number in range(0, 24):
-        scene = random_scene(number, SEED + 2, place="above")
-        scan = scene.take()
-        size = round(factor * 512), round(factor * 512)
-        resampled = cv2.resize(
-            scan.image, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
-        )
-        one, other = (
-            perceiver_of(scene, size_px)[0](Capture(0, 0, image)).found
-            for size_px, image in ((None, scan.image), (size, resampled))
-        )
-        if not {"needle_tip", "rpe", "ilm"} <= set(one):
-            continue
-        changes += [abs(new / old - 1) for old, new in zip(lengths_of(one), lengths_of(other), strict=True)]
-        tips_mm.append(math.dist(one["needle_tip"].at_mm, other["needle_tip"].at_mm))
+    scenes = (random_scene(number, SEED + 2, place="above") for number in range(24))
+    changes, tips_mm = zip(*filter(None, (changes_of(scene, factor) for scene in scenes)), strict=True)
     assert len(tips_mm) >= 18
-    assert np.percentile(changes, 95) <= 0.05
+    assert max(changes) <= 0.05
+    assert np.percentile(changes, 95) <= 0.02
     assert np.percentile(tips_mm, 95) <= 0.012
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.5, 2.0])
+@pytest.mark.parametrize(
+    ("number", "seed", "fixed"),
+    [
+        pytest.param(35, 5, {}, id="a ghost beside the shadow"),
+        pytest.param(223, 7, {}, id="a ghost that crosses the whole scan"),
+        pytest.param(47, 11, {}, id="a column at the shadow's edge"),
+        pytest.param(42, 1033, {"signal_db": -6.0}, id="the same in noise"),
+        pytest.param(199, 13, {}, id="a floater below the tip"),
+        pytest.param(160, 613, {}, id="a faint end of the RPE"),
+    ],
+)
+def test_a_difficult_scan_of_another_resolution_has_the_same_lengths(number, seed, fixed, factor):
+    scene = random_scene(number, seed, **(fixed or {"place": "above"}))
+    change, tip_mm = changes_of(scene, factor)
+    assert change <= 0.05
+    assert tip_mm <= 0.012
 
 
 @pytest.mark.parametrize("scenes", [4, pytest.param(30, marks=pytest.mark.slow)])
