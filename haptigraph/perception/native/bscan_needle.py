@@ -56,7 +56,7 @@ _SHAFT = LIBRARY.layout(
 )
 _BEVEL_SEARCH = LIBRARY.layout(
     "BevelSearch",
-    ("d", "wall_rows spot_rows above_rows below_rows half_px ahead_px"),
+    ("d", "wall_rows spot_rows above_rows below_rows smooth_rows half_px ahead_px"),
     ("d", "bright_share equal_share spot_sd_rows lit_share min_gain floor_grey"),
     ("i", "apart_rows"),
 )
@@ -166,6 +166,7 @@ class BevelSearch(NamedTuple):
     spot_rows: float
     above_rows: float
     below_rows: float
+    smooth_rows: float
     half_px: float
     ahead_px: tuple[float, float]
     bright_share: float
@@ -180,8 +181,10 @@ class BevelSearch(NamedTuple):
         """Return the limits for C."""
         if not 1 <= self.apart_rows <= MAX_ROWS:
             raise ValueError(f"bevel: expected 1 to {MAX_ROWS} rows apart, found {self.apart_rows}")
+        if not 1 <= self.smooth_rows <= MAX_ROWS:
+            raise ValueError(f"bevel: expected to smooth 1 to {MAX_ROWS} rows, found {self.smooth_rows}")
         near, far = self.ahead_px
-        return pack(_BEVEL_SEARCH, *self[:5], near, far, *self[6:])
+        return pack(_BEVEL_SEARCH, *self[:6], near, far, *self[7:])
 
 
 class SurfacePair(NamedTuple):

@@ -74,7 +74,7 @@ EXPORT const Entry entries[] = {
     F(typical_grey), F(end_steps), F(number),
 #undef F
 #define F(field) FIELD(BevelSearch, field)
-    SIZE(BevelSearch), F(wall_rows), F(spot_rows), F(above_rows), F(below_rows), F(half_px), F(ahead_px),
+    SIZE(BevelSearch), F(wall_rows), F(spot_rows), F(above_rows), F(below_rows), F(smooth_rows), F(half_px), F(ahead_px),
     F(bright_share), F(equal_share), F(spot_sd_rows), F(lit_share), F(min_gain), F(floor_grey),
     F(apart_rows),
 #undef F

@@ -92,6 +92,7 @@ typedef struct {
 typedef struct {
     double wall_rows, spot_rows, above_rows,
         below_rows;              /* far wall; spot on the line; searched beyond both */
+    double smooth_rows;          /* at least 1 */
     double half_px, ahead_px[2]; /* of the tip's column, and tissue in full light */
     double bright_share, equal_share, spot_sd_rows, lit_share, min_gain, floor_grey;
     int apart_rows; /* whose noise is independent; positive */

@@ -28,6 +28,21 @@ static void mean_rows(const uint8_t *image, int width, double left, double right
     }
 }
 
+/* Average values over a window of rows, whose outermost may count in part. */
+static void smooth(const double *values, int count, double rows, double *means) {
+    const int reach = clamped(ceil(rows / 2 - 0.5), 0, count);
+    for (int row = 0; row < count; row++) {
+        double sum = 0, total = 0;
+        for (int off = -reach; off <= reach; off++) {
+            if (row + off < 0 || row + off >= count) continue;
+            const double part = minimum(1, rows / 2 + 0.5 - abs(off));
+            sum += part * values[row + off];
+            total += part;
+        }
+        means[row] = sum / total;
+    }
+}
+
 /* Return a run of rows with its lower end at half of its brightness, sub-pixel. */
 static Spot spot_of(const double *profile, int count, int first, int last, double top) {
     int peak = first;
@@ -69,9 +84,8 @@ EXPORT void drop_in_vitreous(const uint8_t *image, int width, int height, const 
     if (count < 6 || count > MAX_COLUMN_ROWS) return;
     double values[MAX_COLUMN_ROWS], profile[MAX_COLUMN_ROWS];
     mean_rows(image, width, x - search->half_px, x + search->half_px, upper, upper + count, values);
-    for (int row = 0; row < count; row++) profile[row] = values[row] -= search->floor_grey;
-    for (int row = 1; row < count - 1; row++)
-        profile[row] = (values[row - 1] + values[row] + values[row + 1]) / 3;
+    for (int row = 0; row < count; row++) values[row] -= search->floor_grey;
+    smooth(values, count, search->smooth_rows, profile);
     qsort(values, (size_t)count, sizeof *values, compare_doubles);
     const double bright = maximum(values[count / 4], 0) + search->bright_share * typical_grey;
     const double top = upper - y, most = maximum(2, nearbyint(search->spot_rows / 3));
