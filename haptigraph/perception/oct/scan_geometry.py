@@ -23,7 +23,7 @@ SUBRETINAL_SHARE = 0.9
 BEYOND_TIP_MM = 0.06  # lateral extension of a surface beyond the tip
 EXTRAPOLATED_MM = 0.47  # further from its visible part, it is not known
 ON_LINE_MM = 1e-9  # nearer to a line, a point is on it
-SLOPE_SD = 0.08  # standard deviation of the slope of what is not visible, mm per mm
+SLOPE_SD = 0.07  # standard deviation of the slope of what is not visible, mm per mm
 
 
 class Layers(NamedTuple):

@@ -37,7 +37,7 @@ def observe(tip_mm, factor=1.0):
 def test_a_surface_reaches_below_the_tip_and_is_less_certain_there(tip_mm):
     y_mm, sd_mm, start_mm, observation = observe(tip_mm)
     assert start_mm - y_mm == pytest.approx(0.2 * (tip_mm - 0.02), abs=0.012)
-    assert sd_mm == pytest.approx(np.hypot(0.005, 0.08 * (tip_mm - 0.98)), abs=0.002)
+    assert sd_mm == pytest.approx(np.hypot(0.005, 0.07 * (tip_mm - 0.98)), abs=0.002)
     assert len(observation.interpolated["ilm"]) == 1
 
 
