@@ -38,8 +38,7 @@ MAX_POSITION_PX = 1e9
 _RIDGE_SEARCH = LIBRARY.layout(
     "RidgeSearch",
     ("d", "step_px dark_grey mask_grey strip_grey lowest_slope highest_slope inlier_steps below_ilm_px"),
-    ("d", "across down"),
-    ("i", "side votes erased gap run beyond"),
+    *(("d", "across down"), ("i", "side votes erased gap run beyond")),
 )
 _SURFACE_PAIR = LIBRARY.layout(
     "SurfacePair", ("p", "x_px ilm_px rpe_px ilm_visible rpe_visible"), ("i", "columns")
@@ -179,10 +178,8 @@ class BevelSearch(NamedTuple):
 
     def checked(self) -> bytes:
         """Return the limits for C."""
-        if not 1 <= self.apart_rows <= MAX_ROWS:
-            raise ValueError(f"bevel: expected 1 to {MAX_ROWS} rows apart, found {self.apart_rows}")
-        if not 1 <= self.smooth_rows <= MAX_ROWS:
-            raise ValueError(f"bevel: expected to smooth 1 to {MAX_ROWS} rows, found {self.smooth_rows}")
+        if not (1 <= self.apart_rows <= MAX_ROWS and 1 <= self.smooth_rows <= MAX_ROWS):
+            raise ValueError(f"bevel: expected 1 to {MAX_ROWS} rows, found {self}")
         near, far = self.ahead_px
         return pack(_BEVEL_SEARCH, *self[:6], near, far, *self[7:])
 
