@@ -237,6 +237,15 @@ def test_a_difficult_scan_of_another_resolution_has_the_same_lengths(number, see
     assert tip_mm <= 0.012
 
 
+def test_a_tip_in_tissue_is_not_known_where_its_line_shows_no_metal_above_it():
+    scene = random_scene(54, 1023, vessels=8, vessel_db=14.0)
+    small = cv2.resize(scene.take().image, (358, 358), interpolation=cv2.INTER_AREA)
+    observation = perceiver_of(scene, (358, 358))[0](Capture(0, 0, small))
+    assert "needle_line" in observation.found  # but at another angle than the shaft's
+    assert "needle_tip" not in observation.found
+    assert observation.certainty.tip_sd_mm is None
+
+
 @pytest.mark.parametrize("scenes", [4, pytest.param(30, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("fixed", WITHOUT_NEEDLE, ids=lambda fixed: "-".join(fixed) or "usual")
 def test_no_needle_is_found_where_there_is_none(fixed, scenes):
