@@ -2,6 +2,7 @@
 
 `python benchmarks/bscan.py speed`: time per image of 512 x 512, one thread. `sweep [N] [--figure FILE]`:
 errors of ILM, RPE, shaft and tip over N random scenes per setting of noise, tilt, shadows, tip and artefacts.
+`resample [N]`: how the lengths above and in the retina of these scenes change in scans of other sizes.
 `--seed N` draws others. `--perceiver segmentation` selects that perceiver instead of `bscan`.
 """
 
@@ -9,19 +10,19 @@ import argparse
 import math
 import time
 from collections import defaultdict
+from collections.abc import Iterator
 from importlib import import_module
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from bscan_lengths import compare, is_above, registration_of
 from numpy.typing import NDArray
 
 from haptigraph import assemble
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Point, Polyline, Segment, height_on_polyline
 from haptigraph.messages import Capture, Observation
-from haptigraph.registration.loading import parse_registration
-from haptigraph.registration.oct import ScanRegistration
 from haptigraph.registration.registered import BaseRegistration
 from haptigraph.sim.oct.bscan import BscanTruth
 from haptigraph.sim.oct.scenes import BscanScene, random_scene
@@ -31,7 +32,6 @@ IMAGES, PASSES, SEED = 60, 5, 3
 PUBLISHED_MS = 5.4  # the fastest published needle tracker in iOCT on a CPU that we know of
 MARGIN_PX, BAND_PX = 4, 16  # surfaces closer to the image's border, or with less of the RPE, are excluded
 MIN_SHAFT_PX = 40  # shorter shafts are excluded
-ABOVE_PX = 2  # a tip further above the ILM is above the retina
 LIMITS = {
     "ilm_px": (1.5, 4.0),
     "rpe_px": (1.5, 4.0),
@@ -79,13 +79,8 @@ class Sample(NamedTuple):
 
 def prepare(scene: BscanScene, perceiver: type) -> Sample:
     """Acquire a scene's B-scan."""
-    scan, settings = scene.take(), scene.scan
-    text = (
-        f"format = 1\n[image]\nwidth = {settings.width_px}\nheight = {settings.height_px}\n[scale]\n"
-        f"axial_mm_per_px = {settings.axial_mm_per_px}\nlateral_mm_per_px = {settings.lateral_mm_per_px}\n"
-    )
-    registration = parse_registration(text, "scene")
-    assert isinstance(registration, ScanRegistration)  # noqa: S101 - for the type checker
+    scan = scene.take()
+    registration = registration_of(scene.scan, scan.image)
     perceive = perceiver(registration, PerceptionConfig())
     return Sample(perceive, registration, Capture(0, 0, scan.image), scan.truth)
 
@@ -182,10 +177,7 @@ class Errors:
         self.of["line_px"].append(
             max(abs(dx * (row - y) - dy * (column - x)) / math.hypot(dx, dy) for column, row in places)
         )
-        if (
-            tip_y
-            < sample.truth.ilm_px[int(np.clip(round(tip_x), 0, len(sample.truth.ilm_px) - 1))] - ABOVE_PX
-        ):
+        if is_above(sample.truth):
             self.of["above_px"].append(off_px)
         self._add_ratios(sample, observation, tip)
 
@@ -231,18 +223,25 @@ class Errors:
         return self.count[f"{name} detected"] / max(self.count[f"{name} visible"], 1)
 
 
+def lines(scenes: int, seed: int) -> Iterator[tuple[str, Iterator[BscanScene]]]:
+    """Draw random scenes of each setting."""
+    for group, settings in SETTINGS.items():
+        for number, (name, fixed) in enumerate(settings.items()):
+            drawn = (random_scene(scene, seed + 10 * number, **fixed) for scene in range(scenes))
+            yield f"{group}: {name}", drawn
+
+
 def sweep(perceiver: type, scenes: int, seed: int, figure: str | None) -> None:
     """Print median and 95th percentile of the errors by setting."""
-    results: dict[tuple[str, str], Errors] = {}
+    results: dict[str, Errors] = {}
     titles = ("ILM [px]", "RPE [px]", "angle [deg]", "line [px]", "tip [px]", "above [px]")
     header = "".join(f"{title:>15}" for title in titles)
     print(f"{'':24}{header}   detected: ILM, RPE, needle")
-    for group, settings in SETTINGS.items():
-        for number, (name, fixed) in enumerate(settings.items()):
-            errors = results[group, name] = Errors(perceiver)
-            for scene in range(scenes):
-                errors.add(random_scene(scene, seed + 10 * number, **fixed))
-            _print_row(f"{group}: {name}", errors)
+    for name, of_line in lines(scenes, seed):
+        errors = results[name] = Errors(perceiver)
+        for scene in of_line:
+            errors.add(scene)
+        _print_row(name, errors)
     pooled = Errors(perceiver)
     for errors in results.values():
         for key, values in errors.of.items():
@@ -265,7 +264,7 @@ def _print_row(name: str, errors: Errors) -> None:
     print(f"{name:24}{text}   {detected}")
 
 
-def draw(results: dict[tuple[str, str], Errors], pooled: Errors, perceiver: str, output: str) -> None:
+def draw(results: dict[str, Errors], pooled: Errors, perceiver: str, output: str) -> None:
     """Draw median and 95th percentile of every setting, with the requirements."""
     from matplotlib.figure import Figure
 
@@ -277,7 +276,7 @@ def draw(results: dict[tuple[str, str], Errors], pooled: Errors, perceiver: str,
         "tip_px": "tip [px]",
         "above_px": "tip above [px]",
     }
-    names = [f"{group}: {name}" for group, name in results] + ["all"]
+    names = [*results, "all"]
     sheet = Figure(figsize=(11.5, 5.8), layout="constrained")
     for axes, (key, limits) in zip(sheet.subplots(1, len(LIMITS), sharey=True), LIMITS.items(), strict=True):
         spreads = [errors.spread(key) for errors in (*results.values(), pooled)]
@@ -301,11 +300,9 @@ def draw(results: dict[tuple[str, str], Errors], pooled: Errors, perceiver: str,
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("speed", "sweep"))
+    parser.add_argument("what", choices=("speed", "sweep", "resample"))
     parser.add_argument("scenes", nargs="?", type=int, default=24)
-    parser.add_argument(
-        "--seed", type=int, default=SEED, help="of the scenes of a sweep; 3 was used in development"
-    )
+    parser.add_argument("--seed", type=int, default=SEED, help="of the scenes; 3 was used in development")
     parser.add_argument("--figure")
     parser.add_argument("--perceiver", choices=("bscan", "segmentation"), default="bscan")
     options = parser.parse_args()
@@ -314,6 +311,8 @@ def main() -> None:
     cv2.setNumThreads(1)
     if options.what == "speed":
         speed(perceiver)
+    elif options.what == "resample":
+        compare(perceiver, lines(options.scenes, options.seed))
     else:
         sweep(perceiver, options.scenes, options.seed, options.figure)
 

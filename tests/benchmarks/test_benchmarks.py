@@ -31,6 +31,7 @@ SMALLEST = {
     ],
     "bridges": [((), {"COUNT": 5, "STOPS": 1})],
     "bscan": [
+        (("resample", "1"), {}),
         (("speed",), {"IMAGES": 3, "PASSES": 1}),
         (("speed", "--perceiver", "segmentation"), {"IMAGES": 3, "PASSES": 1}),
         (("sweep", "1"), {}),
@@ -85,7 +86,14 @@ def test_every_benchmark_is_tested():
     assert {path.stem for path in FOLDER.glob("*.py")} == {
         *SMALLEST,
         "live",
-        *("archive_recordings", "force_motions", "jitter", "touch_trials", "volume_gap"),  # parts of others
+        *(
+            "archive_recordings",
+            "bscan_lengths",
+            "force_motions",
+            "jitter",
+            "touch_trials",
+            "volume_gap",
+        ),  # parts of others
         *("ablation", "compare_commits", "r_comparison"),  # need minutes, a repository, R
     }
 

@@ -20,20 +20,21 @@ __all__ = [
     "ScanGrid",
     "Smoothing",
     "SurfaceSearch",
+    "average_cells",
     "best_path",
     "find_surfaces",
     "remove_specks",
-    "sum_cells",
+    "sum_squares",
 ]
 
-MAX_CELL_PX, MAX_STEP_ROWS, MAX_SCAN_PX, MAX_CELLS, MAX_SUM_PX = map(
+MAX_SQUARE_PX, MAX_STEP_ROWS, MAX_SCAN_PX, MAX_CELLS, MAX_SUM_CELLS = map(
     LIBRARY.constant,
-    ("MAX_CELL_PX", "MAX_STEP_ROWS", "MAX_SCAN_PX", "MAX_CELLS", "MAX_SUM_PX"),
+    ("MAX_SQUARE_PX", "MAX_STEP_ROWS", "MAX_SCAN_PX", "MAX_CELLS", "MAX_SUM_CELLS"),
 )
 MIN_CELLS, MAX_ROWS = 8, 10_000
 DOUBLE = np.dtype(np.float64)
 
-_GRID = LIBRARY.layout("Grid", ("p", "cells"), ("i", "rows columns group pixels"))
+_GRID = LIBRARY.layout("Grid", ("p", "cells"), ("i", "rows columns group"))
 _SURFACE_SEARCH = LIBRARY.layout(
     "SurfaceSearch",
     ("i", "edge deep thinnest thickest band most min_columns"),
@@ -42,7 +43,8 @@ _SURFACE_SEARCH = LIBRARY.layout(
     *(("p", "ilm.window"), ("i", "ilm.reach"), ("d", "ilm.least_sd_rows ilm.scatter_share")),
     *(("p", "rpe.window"), ("i", "rpe.reach"), ("d", "rpe.least_sd_rows rpe.scatter_share")),
 )
-_sum_cells = LIBRARY.function("sum_cells", "piiiiipp")
+_sum_squares = LIBRARY.function("sum_squares", "piiiiipp")
+_average_cells = LIBRARY.function("average_cells", "piddiipp")
 _cell_levels = LIBRARY.function("cell_levels", "pp")
 _best_path = LIBRARY.function("best_path", "piiipp", ctypes.c_int)
 _find_surfaces = LIBRARY.function("find_surfaces", "ppppp", ctypes.c_int)
@@ -138,11 +140,9 @@ class ScanGrid(Struct, frozen=True, eq=False):
     """A downsampled B-scan."""
 
     cells: NDArray[np.int32]
-    """Sum of the grey of each cell, (rows, columns)."""
+    """Mean grey of each cell, in steps, (rows, columns)."""
     group: int
     """Cells side by side that make one column of the surfaces."""
-    pixels: int
-    """Of a cell."""
     native: Any = None
     """The same for C; always made anew from the rest."""
 
@@ -150,11 +150,10 @@ class ScanGrid(Struct, frozen=True, eq=False):
         rows, columns = np.shape(self.cells)
         if not (rows >= MIN_CELLS and self.group >= 1 and MIN_CELLS * self.group <= columns):
             raise ValueError(f"grid: expected at least {MIN_CELLS} rows and columns, found {rows}, {columns}")
-        if not 1 <= self.pixels <= MAX_CELL_PX or max(rows, columns) > MAX_CELLS:
-            limits = f"at most {MAX_CELLS} cells of at most {MAX_CELL_PX} pixels"
-            raise ValueError(f"grid: expected {limits}, found {rows} x {columns} of {self.pixels}")
+        if max(rows, columns) > MAX_CELLS:
+            raise ValueError(f"grid: expected at most {MAX_CELLS} cells, found {rows} x {columns}")
         cells = checked("cells", self.cells, INT, (rows, columns))
-        force_setattr(self, "native", pack(_GRID, cells, rows, columns, self.group, self.pixels))
+        force_setattr(self, "native", pack(_GRID, cells, rows, columns, self.group))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -163,8 +162,8 @@ class ScanGrid(Struct, frozen=True, eq=False):
 
     def check(self, padding: int) -> None:
         """Check that the sums of a column, with rows beyond the image, fit C's integers."""
-        if (self.cells.shape[0] + padding + 1) * self.pixels * self.group > MAX_SUM_PX:
-            raise ValueError(f"grid: expected columns of at most {MAX_SUM_PX} pixels")
+        if (self.cells.shape[0] + padding + 1) * self.group > MAX_SUM_CELLS:
+            raise ValueError(f"grid: expected columns of at most {MAX_SUM_CELLS} cells")
 
     def levels(self) -> GridLevels:
         """Return the grey levels of the image."""
@@ -173,21 +172,40 @@ class ScanGrid(Struct, frozen=True, eq=False):
         return GridLevels(*out.tolist())
 
 
-def sum_cells(image: Image, across: int, down: int) -> NDArray[np.int32]:
-    """Return the sum of the grey of cells of `across` x `down` pixels, (rows, columns).
+def sum_squares(image: Image, across: int, down: int) -> NDArray[np.int32]:
+    """Return the sum of the grey of squares of `across` x `down` pixels, (rows, columns).
 
     Args:
         image: (h, w) grey.
-        across: Columns of a cell.
-        down: Rows of a cell.
+        across: Columns of a square.
+        down: Rows of a square.
     """
     height, width = np.shape(image)
     pixels = checked("image", image, BYTE, (height, width))
-    if not (1 <= across <= width and 1 <= down <= height and across * down <= MAX_CELL_PX):
-        raise ValueError(f"cells: expected at most {MAX_CELL_PX} pixels, found {across} x {down}")
+    if not (1 <= across <= width and 1 <= down <= height and across * down <= MAX_SQUARE_PX):
+        raise ValueError(f"squares: expected at most {MAX_SQUARE_PX} pixels, found {across} x {down}")
     rows, columns = height // down, width // across
-    sums, cells = np.empty(width, np.uint16), np.empty((rows, columns), np.int32)
-    _sum_cells(pixels, width, across, down, rows, columns, address(sums), address(cells))
+    sums, squares = np.empty(width, np.uint16), np.empty((rows, columns), np.int32)
+    _sum_squares(pixels, width, across, down, rows, columns, address(sums), address(squares))
+    return squares
+
+
+def average_cells(image: Image, across: float, down: float) -> NDArray[np.int32]:
+    """Return the mean grey of cells of `across` x `down` pixels, in steps, (rows, columns).
+
+    Args:
+        image: (h, w) grey.
+        across: Columns of a cell, at least 1.
+        down: Rows of a cell, at least 1.
+    """
+    height, width = np.shape(image)
+    pixels, across, down = checked("image", image, BYTE, (height, width)), float(across), float(down)
+    if not (1 <= across <= width <= MAX_SCAN_PX and 1 <= down <= height <= MAX_SCAN_PX):
+        raise ValueError(f"cells: expected 1 pixel to the image's size, found {across} x {down}")
+    rows, columns = int(height / down), int(width / across)
+    scratch = np.empty(width + rows + columns + 3, np.uint32)
+    cells = np.empty((rows, columns), np.int32)
+    _average_cells(pixels, width, across, down, rows, columns, address(scratch), address(cells))
     return cells
 
 

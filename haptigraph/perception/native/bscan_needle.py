@@ -38,7 +38,7 @@ MAX_POSITION_PX = 1e9
 _RIDGE_SEARCH = LIBRARY.layout(
     "RidgeSearch",
     ("d", "step_px dark_grey mask_grey strip_grey lowest_slope highest_slope inlier_steps below_ilm_px"),
-    ("i", "across down side votes erased gap run beyond"),
+    *(("d", "across down"), ("i", "side votes erased gap run beyond")),
 )
 _SURFACE_PAIR = LIBRARY.layout(
     "SurfacePair", ("p", "x_px ilm_px rpe_px ilm_visible rpe_visible"), ("i", "columns")
@@ -55,7 +55,7 @@ _SHAFT = LIBRARY.layout(
 )
 _BEVEL_SEARCH = LIBRARY.layout(
     "BevelSearch",
-    ("d", "wall_rows spot_rows above_rows below_rows half_px ahead_px"),
+    ("d", "wall_rows spot_rows above_rows below_rows smooth_rows half_px ahead_px"),
     ("d", "bright_share equal_share spot_sd_rows lit_share min_gain floor_grey"),
     ("i", "apart_rows"),
 )
@@ -83,8 +83,8 @@ class RidgeSearch(NamedTuple):
     highest_slope: float
     inlier_steps: float
     below_ilm_px: float
-    across: int
-    down: int
+    across: float
+    down: float
     side: int
     votes: int
     erased: int
@@ -165,6 +165,7 @@ class BevelSearch(NamedTuple):
     spot_rows: float
     above_rows: float
     below_rows: float
+    smooth_rows: float
     half_px: float
     ahead_px: tuple[float, float]
     bright_share: float
@@ -177,10 +178,10 @@ class BevelSearch(NamedTuple):
 
     def checked(self) -> bytes:
         """Return the limits for C."""
-        if not 1 <= self.apart_rows <= MAX_ROWS:
-            raise ValueError(f"bevel: expected 1 to {MAX_ROWS} rows apart, found {self.apart_rows}")
+        if not (1 <= self.apart_rows <= MAX_ROWS and 1 <= self.smooth_rows <= MAX_ROWS):
+            raise ValueError(f"bevel: expected 1 to {MAX_ROWS} rows, found {self}")
         near, far = self.ahead_px
-        return pack(_BEVEL_SEARCH, *self[:5], near, far, *self[6:])
+        return pack(_BEVEL_SEARCH, *self[:6], near, far, *self[7:])
 
 
 class SurfacePair(NamedTuple):

@@ -21,8 +21,8 @@ typedef struct {
 EXPORT const Entry entries[] = {
     VALUE(STATION_PX), VALUE(BLOCK), VALUE(CELL), VALUE(AROUND_PX), VALUE(MIN_LANES), VALUE(MAX_LANES),
     VALUE(MAX_STATIONS), VALUE(MAX_PX), VALUE(VOLUME_CELL), VALUE(VOLUME_PADDED), VALUE(MAX_VOLUME_ROWS),
-    VALUE(MAX_RIDGES), VALUE(MAX_CELL_PX), VALUE(MAX_SCAN_PX), VALUE(MAX_STEP_ROWS),
-    VALUE(ALONG_STEPS), VALUE(CORE_STEPS), VALUE(MAX_CELLS), VALUE(MAX_SUM_PX),
+    VALUE(MAX_RIDGES), VALUE(MAX_SQUARE_PX), VALUE(CELL_STEPS), VALUE(MAX_SCAN_PX), VALUE(MAX_STEP_ROWS),
+    VALUE(ALONG_STEPS), VALUE(CORE_STEPS), VALUE(MAX_CELLS), VALUE(MAX_SUM_CELLS),
 #define F(field) FIELD(Strip, field)
     SIZE(Strip), F(excess.first), F(excess.stride), F(excess.lanes), F(excess.stations), F(detrended.first),
     F(detrended.stride), F(detrended.lanes), F(detrended.stations), F(u_px), F(is_known), F(noise_grey),
@@ -58,7 +58,7 @@ EXPORT const Entry entries[] = {
     F(is_outside), F(uses_chroma),
 #undef F
 #define F(field) FIELD(Grid, field)
-    SIZE(Grid), F(cells), F(rows), F(columns), F(group), F(pixels),
+    SIZE(Grid), F(cells), F(rows), F(columns), F(group),
 #undef F
 #define F(field) FIELD(SurfaceSearch, field)
     SIZE(SurfaceSearch), F(edge), F(deep), F(thinnest), F(thickest), F(band), F(most), F(min_columns),
@@ -84,7 +84,7 @@ EXPORT const Entry entries[] = {
     F(typical_grey), F(end_steps), F(number),
 #undef F
 #define F(field) FIELD(BevelSearch, field)
-    SIZE(BevelSearch), F(wall_rows), F(spot_rows), F(above_rows), F(below_rows), F(half_px), F(ahead_px),
+    SIZE(BevelSearch), F(wall_rows), F(spot_rows), F(above_rows), F(below_rows), F(smooth_rows), F(half_px), F(ahead_px),
     F(bright_share), F(equal_share), F(spot_sd_rows), F(lit_share), F(min_gain), F(floor_grey),
     F(apart_rows),
 #undef F

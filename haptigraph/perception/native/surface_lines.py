@@ -48,7 +48,7 @@ class LineLimits(NamedTuple):
     beyond_px: float
     """Extension of a surface beyond the tip."""
     most_px: float
-    """Beyond its visible part, a surface rises and falls no more than over this length."""
+    """From the tip to the nearest visible part of a surface; further away, it is not reported."""
     slope_sd: float
     """Standard deviation of the slope of what is not visible, in rows per column."""
     center_px: Vec

@@ -23,11 +23,13 @@ class BevelConstants(NamedTuple):
     """A spot on the line, or the metal's own brightness, reaches so far below it."""
     above_mm: float = 0.046
     """Searched above the line."""
-    half_column_mm: float = 0.016
+    smooth_mm: float = 0.0105
+    """The window in which rows are averaged."""
+    half_column_mm: float = 0.02
     """Lateral half width of the column in which a spot is searched."""
     bright_share: float = 0.6
     """Of the shaft's contrast, for a spot."""
-    equal_share: float = 0.8
+    equal_share: float = 0.9
     """Of the upper spot's contrast; a fainter one may be a floater."""
     spot_sd_mm: float = 0.012
     """Of the end of a spot beside the line."""
@@ -85,6 +87,7 @@ def _search(scan: ScanImage) -> native.BevelSearch:
         spot_rows=CONSTANTS.spot_mm / axial_mm,
         above_rows=CONSTANTS.above_mm / axial_mm,
         below_rows=CONSTANTS.below_mm / axial_mm,
+        smooth_rows=max(1.0, CONSTANTS.smooth_mm / axial_mm),
         half_px=CONSTANTS.half_column_mm / lateral_mm,
         ahead_px=(near_mm / lateral_mm, far_mm / lateral_mm),
         bright_share=CONSTANTS.bright_share,

@@ -18,7 +18,7 @@ from haptigraph.perception.oct.bevel import Drop, drop_in_tissue, drop_in_vitreo
 from haptigraph.perception.oct.ridge import Ridge, ridge_search
 from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage
 from haptigraph.perception.oct.shadow import Edge, find_shadow_edge
-from haptigraph.perception.oct.surfaces import Surfaces
+from haptigraph.perception.oct.surfaces import Surfaces, without_specks
 
 __all__ = [
     "SLOPE_COLUMNS",
@@ -57,7 +57,7 @@ class NeedleConstants(NamedTuple):
     on_ridge_mm: float = 0.083
     """Axial; nearer to a ridge, it may have been mistaken for tissue."""
     bevel_mm: float = 0.5
-    """Lateral, from the end of the continuous line to the tip; in tissue the tip may be further."""
+    """From the end of the continuous line: lateral to the tip, axial to tissue with the tip in it."""
     tissue_sd_mm: float = 0.003
     """Lateral; more uncertain is the edge of a shadow that begins in tissue."""
     near_mm: float = 0.06
@@ -125,7 +125,9 @@ def find_needle(scan: ScanImage, surfaces: Surfaces, dark_grey: float) -> tuple[
     found, ilm_visible, rpe_visible = find_shaft(
         scan.image, scan.grid, ridges, search, SurfacePair(*surfaces[:5])
     )
-    surfaces = surfaces._replace(ilm_visible=ilm_visible, rpe_visible=rpe_visible)
+    surfaces = surfaces._replace(
+        ilm_visible=without_specks(ilm_visible), rpe_visible=without_specks(rpe_visible)
+    )
     if found is None:
         return None, surfaces
     shaft = Shaft(Ridge(found.line, ridges.step_px), found.end_steps, found.share, found.typical_grey)
@@ -173,7 +175,11 @@ def _with_tip(scan: ScanImage, shaft: Shaft, surfaces: Surfaces) -> Needle:
     further_px = ridge.side * (edge.x_px - end_x)
     if on_line[1] < ilm_y and further_px * scan.scale.lateral_mm > CONSTANTS.bevel_mm:
         edge = edge._replace(sd_px=further_px / 2)  # the shadow of something else, or a shaft that fades
-    return _at_edge(scan, shaft, edge, on_line, ilm_y)
+    needle = _at_edge(scan, shaft, edge, on_line, ilm_y)
+    hidden_mm = (ilm_y - shaft.end_px[1]) * scan.scale.axial_mm
+    if on_line[1] >= ilm_y and hidden_mm > CONSTANTS.bevel_mm:
+        return needle._replace(sd_px=None)  # metal would be visible above the tissue
+    return needle
 
 
 def _beside_vessels(shaft: Shaft, deep: Edge, shallow: Edge) -> Edge:

@@ -91,7 +91,7 @@ def ridge_search(scan: ScanImage, dark_grey: float) -> RidgeSearch:
 
 
 @lru_cache
-def _limits(scale: ScanScale, across: int, down: int) -> RidgeSearch:
+def _limits(scale: ScanScale, across: float, down: float) -> RidgeSearch:
     """Return the limits for cells of so many pixels, those of grey still 0."""
 
     def steps(length_mm: float) -> int:

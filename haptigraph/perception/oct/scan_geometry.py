@@ -21,9 +21,9 @@ LINES = ("ilm", "rpe", "subretinal_space", "target_layer")
 SUBRETINAL_SHARE = 0.9
 """Of the distance from ILM to RPE: end of the outer segments, where the space can open."""
 BEYOND_TIP_MM = 0.06  # lateral extension of a surface beyond the tip
-EXTRAPOLATED_MM = 0.47  # its slope counts beyond its visible part
+EXTRAPOLATED_MM = 0.47  # further from its visible part, it is not known
 ON_LINE_MM = 1e-9  # nearer to a line, a point is on it
-SLOPE_SD = 0.12  # standard deviation of the slope of what is not visible, mm per mm
+SLOPE_SD = 0.07  # standard deviation of the slope of what is not visible, mm per mm
 
 
 class Layers(NamedTuple):

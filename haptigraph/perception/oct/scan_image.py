@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from haptigraph.messages import Image
-from haptigraph.perception.native.bscan import GridLevels, ScanGrid, sum_cells
+from haptigraph.perception.native.bscan import GridLevels, ScanGrid, average_cells, sum_squares
 
 __all__ = ["ScanImage", "ScanScale", "scan_image"]
 
@@ -45,17 +45,18 @@ class ScanImage(NamedTuple):
     """Of the image."""
     grid: ScanGrid
     """The image, downsampled."""
-    cell_px: tuple[int, int]
+    cell_px: tuple[float, float]
     """Columns and rows of a cell."""
     levels: GridLevels
 
     @property
     def pixel_sd_grey(self) -> float:
         """Standard deviation of the noise of one pixel, if neighbours are independent."""
-        return max(self.levels.difference_grey / NEIGHBOURS, 0.25) * math.sqrt(self.grid.pixels)
+        cell_grey = max(self.levels.difference_grey / NEIGHBOURS, 0.25)
+        return cell_grey * math.sqrt(self.cell_px[0] * self.cell_px[1])
 
     @property
-    def column_px(self) -> int:
+    def column_px(self) -> float:
         """Width of a column of the surfaces."""
         return self.grid.group * self.cell_px[0]
 
@@ -69,12 +70,12 @@ def scan_image(image: Image, scale: ScanScale) -> ScanImage:
     averaged = max(1, round(STEP_MM / scale.mean_mm))
     if averaged > 1:
         averaged = min(averaged, min(image.shape) // MIN_CELLS)
-        sums = sum_cells(image, averaged, averaged)
+        sums = sum_squares(image, averaged, averaged)
         image = ((sums + averaged * averaged // 2) // (averaged * averaged)).astype(np.uint8)
         scale = ScanScale(averaged * scale.lateral_mm, averaged * scale.axial_mm)
     height, width = image.shape
-    down = max(1, min(round(AXIAL_MM / scale.axial_mm), height // MIN_CELLS))
-    across = max(1, min(round(LATERAL_MM / scale.lateral_mm), width // MIN_CELLS))
-    group = max(1, min(round(COLUMN_MM / (across * scale.lateral_mm)), width // across // MIN_CELLS))
-    grid = ScanGrid(sum_cells(np.ascontiguousarray(image), across, down), group, across * down)
+    across = max(1.0, min(LATERAL_MM / scale.lateral_mm, width / MIN_CELLS))
+    down = max(1.0, min(AXIAL_MM / scale.axial_mm, height / MIN_CELLS))
+    group = max(1, min(round(COLUMN_MM / (across * scale.lateral_mm)), int(width / across) // MIN_CELLS))
+    grid = ScanGrid(average_cells(np.ascontiguousarray(image), across, down), group)
     return ScanImage(image, averaged, scale, grid, (across, down), grid.levels())

@@ -108,7 +108,7 @@ POSITIONS = (16, u_px(), (8.0, 6.0), (0.0, 1.0), (1.0, 0.0))
 SURFACES = (2, 4, 2, 10, 2, 3, 3, 2.0, 3.0, 45.0, 0.25, 20.0, 60.0, 14.0, 0.4, 2.0, 0.1, 3.0)
 RIDGES = (1.0, 90.0, 10.0, 10.0, 0.3, 9.0, 1.5, 4.0, 1, 1, 2, 4, 2, 12, 20, 30)
 SHAFTS = (22.0, 0.6, 20.0, 12.0, 8.0, 0.6, 3.0, 4.0, 9.0, 3.0, 0.25, 30.0, 100.0)
-BEVELS = (12.0, 3.0, 4.0, 5.0, 1.0, (2.0, 9.0), 0.6, 0.8, 1.0, 0.75, 80.0, 30.0, 3)
+BEVELS = (12.0, 3.0, 4.0, 5.0, 3.0, 1.0, (2.0, 9.0), 0.6, 0.8, 1.0, 0.75, 80.0, 30.0, 3)
 SURFACE_PAIR = (
     *(np.arange(28) * 2.0, np.full(28, 30.0), np.arange(28) > 9),
     *(np.full(28, 40.0), np.arange(28) > 9),
@@ -124,11 +124,7 @@ def make_scan(size=(48, 56)):
 
 
 def make_cells():
-    return make_scan().astype(np.int32)
-
-
-def grid_of(cells, group, pixels):
-    return bscan.ScanGrid(cells, group, pixels)
+    return make_scan().astype(np.int32) * 256
 
 
 # Each wrapper by the C function it calls, with arguments that are right.
@@ -165,18 +161,19 @@ WRAPPERS = {
         region_pixels.fill_marked,
         lambda: [*images(1), REGION, np.ones((4, 9), bool), 3, *images(1)],
     ),
-    "sum_cells": (bscan.sum_cells, lambda: [make_scan(), 3, 2]),
-    "cell_levels": (lambda *grid: grid_of(*grid).levels(), lambda: [make_cells(), 2, 1]),
+    "sum_squares": (bscan.sum_squares, lambda: [make_scan(), 3, 2]),
+    "average_cells": (bscan.average_cells, lambda: [make_scan(), 3.3, 1.7]),
+    "cell_levels": (lambda *grid: bscan.ScanGrid(*grid).levels(), lambda: [make_cells(), 2]),
     "best_path": (
         bscan.best_path,
         lambda: [make_scan().astype(np.float32), np.array([4, 1, 0, 1, 4], np.float32)],
     ),
     "find_surfaces": (
         lambda *given: bscan.find_surfaces(
-            grid_of(*given[:3]),
-            bscan.SurfaceSearch(*given[3:-6], bscan.Smoothing(*given[-6:-3]), bscan.Smoothing(*given[-3:])),
+            bscan.ScanGrid(*given[:2]),
+            bscan.SurfaceSearch(*given[2:-6], bscan.Smoothing(*given[-6:-3]), bscan.Smoothing(*given[-3:])),
         ),
-        lambda: [make_cells(), 2, 1, *SURFACES, np.ones(5), 0.2, 1.0, np.ones(7), 0.3, 0.8],
+        lambda: [make_cells(), 2, *SURFACES, np.ones(5), 0.2, 1.0, np.ones(7), 0.3, 0.8],
     ),
     "remove_specks": (bscan.remove_specks, lambda: [np.arange(9) % 5 > 1, 3]),
     "surface_lines": (
@@ -205,12 +202,12 @@ WRAPPERS = {
     "find_shaft": (
         lambda *given: bscan_needle.find_shaft(
             given[0],
-            grid_of(*given[1:4]),
-            bscan_needle.RidgeSearch(*given[9:25]),
-            bscan_needle.ShaftSearch(*given[25:]),
-            bscan_needle.SurfacePair(*given[4:9]),
+            bscan.ScanGrid(*given[1:3]),
+            bscan_needle.RidgeSearch(*given[8:24]),
+            bscan_needle.ShaftSearch(*given[24:]),
+            bscan_needle.SurfacePair(*given[3:8]),
         ),
-        lambda: [make_scan(), make_cells(), 2, 1, *SURFACE_PAIR, *RIDGES, *SHAFTS],
+        lambda: [make_scan(), make_cells(), 2, *SURFACE_PAIR, *RIDGES, *SHAFTS],
     ),
     "drop_in_vitreous": (
         lambda *given: bscan_needle.drop_in_vitreous(

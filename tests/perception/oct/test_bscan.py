@@ -11,6 +11,7 @@ from scans.bscans import in_px, line_distance_px, perceiver_of, registration_of,
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.errors import BadInput
+from haptigraph.geometry import height_on_polyline
 from haptigraph.messages import Capture
 from haptigraph.perception.oct.bscan import BscanPerceiver
 from haptigraph.sim.oct.scenes import random_scene
@@ -267,3 +268,16 @@ def test_in_real_scans_of_any_resolution_the_tip_matches_its_label(name, within_
     assert off_px <= within_px
     line, tip = real.observation.found["needle_line"], real.observation.found["needle_tip"]
     assert math.dist(line.end_mm, tip.at_mm) > 0.03  # the bevel's point is beside the shaft's line
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.5, 2.0])
+@pytest.mark.parametrize("name", ["bscan_1.png", "bscan_3.png"])
+def test_real_scans_of_any_resolution_have_the_same_lengths(name, factor):
+    if not (REAL / name).is_file():
+        pytest.skip(f"{REAL} is not here")
+    lengths = []
+    for found in (Real(name, one).observation.found for one in (1.0, factor)):
+        x_mm, y_mm = found["needle_tip"].at_mm
+        floor_mm = height_on_polyline(x_mm, found["rpe"])
+        lengths.append((y_mm - floor_mm, height_on_polyline(x_mm, found["ilm"]) - floor_mm))
+    assert lengths[1] == pytest.approx(lengths[0], rel=0.05)

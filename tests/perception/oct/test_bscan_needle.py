@@ -190,27 +190,60 @@ def lengths_of(found):
     ]
 
 
+def changes_of(scene, factor):
+    """Return how the lengths in a scene change when it is resampled, and how far the tip moves [mm].
+
+    Nothing where a length is not known in the scan itself.
+    """
+    image = scene.take().image
+    size = round(factor * 512), round(factor * 512)
+    resampled = cv2.resize(image, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC)
+    one, other = (
+        perceiver_of(scene, size_px)[0](Capture(0, 0, image)).found
+        for size_px, image in ((None, image), (size, resampled))
+    )
+    if not {"needle_tip", "rpe", "ilm"} <= set(one):
+        return None
+    changes = [abs(new / old - 1) for old, new in zip(lengths_of(one), lengths_of(other), strict=True)]
+    return max(changes), math.dist(one["needle_tip"].at_mm, other["needle_tip"].at_mm)
+
+
 @pytest.mark.parametrize("factor", mostly_slow([0.7, 1.5, 2.0], 0.7))
 def test_a_scan_of_another_resolution_has_the_same_lengths(factor):
-    changes, tips_mm = [], []
-    for number in range(0, 24):
-        scene = random_scene(number, SEED + 2, place="above")
-        scan = scene.take()
-        size = round(factor * 512), round(factor * 512)
-        resampled = cv2.resize(
-            scan.image, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
-        )
-        one, other = (
-            perceiver_of(scene, size_px)[0](Capture(0, 0, image)).found
-            for size_px, image in ((None, scan.image), (size, resampled))
-        )
-        if not {"needle_tip", "rpe", "ilm"} <= set(one):
-            continue
-        changes += [abs(new / old - 1) for old, new in zip(lengths_of(one), lengths_of(other), strict=True)]
-        tips_mm.append(math.dist(one["needle_tip"].at_mm, other["needle_tip"].at_mm))
+    scenes = (random_scene(number, SEED + 2, place="above") for number in range(24))
+    changes, tips_mm = zip(*filter(None, (changes_of(scene, factor) for scene in scenes)), strict=True)
     assert len(tips_mm) >= 18
-    assert np.percentile(changes, 95) <= 0.05
+    assert max(changes) <= 0.05
+    assert np.percentile(changes, 95) <= 0.02
     assert np.percentile(tips_mm, 95) <= 0.012
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.5, 2.0])
+@pytest.mark.parametrize(
+    ("number", "seed", "fixed"),
+    [
+        pytest.param(35, 5, {}, id="a ghost beside the shadow"),
+        pytest.param(223, 7, {}, id="a ghost that crosses the whole scan"),
+        pytest.param(47, 11, {}, id="a column at the shadow's edge"),
+        pytest.param(42, 1033, {"signal_db": -6.0}, id="the same in noise"),
+        pytest.param(199, 13, {}, id="a floater below the tip"),
+        pytest.param(160, 613, {}, id="a faint end of the RPE"),
+    ],
+)
+def test_a_difficult_scan_of_another_resolution_has_the_same_lengths(number, seed, fixed, factor):
+    scene = random_scene(number, seed, **(fixed or {"place": "above"}))
+    change, tip_mm = changes_of(scene, factor)
+    assert change <= 0.05
+    assert tip_mm <= 0.012
+
+
+def test_a_tip_in_tissue_is_not_known_where_its_line_shows_no_metal_above_it():
+    scene = random_scene(54, 1023, vessels=8, vessel_db=14.0)
+    small = cv2.resize(scene.take().image, (358, 358), interpolation=cv2.INTER_AREA)
+    observation = perceiver_of(scene, (358, 358))[0](Capture(0, 0, small))
+    assert "needle_line" in observation.found  # but at another angle than the shaft's
+    assert "needle_tip" not in observation.found
+    assert observation.certainty.tip_sd_mm is None
 
 
 @pytest.mark.parametrize("scenes", [4, pytest.param(30, marks=pytest.mark.slow)])
@@ -224,7 +257,7 @@ def test_no_needle_is_found_where_there_is_none(fixed, scenes):
 
 def test_tissue_at_the_images_top_is_left_out_there_and_the_rest_is_right():
     errors_px, left_out, invented = [], 0, 0
-    for number in range(16):
+    for number in range(32):
         usual = random_scene(number, SEED + 4)
         top_mm = usual.scan.axial_mm_per_px * usual.scan.height_px / 2
         fixed = {"height_mm": top_mm - 0.06, "tilt_deg": 5.0, "haze_db": -20.0, "vessels": 0}
@@ -244,7 +277,7 @@ def test_tissue_at_the_images_top_is_left_out_there_and_the_rest_is_right():
             invented += int((true < -6).sum())
         outside = np.interp(in_px(found, "rpe", image)[0], np.arange(512), scan.truth.ilm_px) < 0
         left_out += int(outside.sum())
-    assert left_out > 200  # the RPE is found below tissue whose upper side is not in the image
+    assert left_out > 400  # the RPE is found below tissue whose upper side is not in the image
     assert invented <= 0.02 * left_out
     assert np.median(errors_px) <= 1.5
     assert np.percentile(errors_px, 95) <= 5

@@ -9,19 +9,19 @@
 #define MAX_RIDGES 2
 #define ALONG_STEPS 5       /* averaged along a ridge */
 #define CORE_STEPS 5        /* averaged across it, its width */
-#define MAX_CELL_PX 256     /* pixels of a cell: sums of its rows fit 16 bits */
+#define MAX_SQUARE_PX 256   /* pixels whose grey is summed: sums of their rows fit 16 bits */
+#define CELL_STEPS 256      /* of a cell in a grey level */
 #define MAX_STEP_ROWS 16    /* of a path, from one column to the next */
 #define MAX_SCAN_PX 16384   /* in each direction: positions fit 16 bits and as many of a fraction */
 #define MAX_CELLS 8192      /* in each direction: the cells on a line fit 16 bits, with a sign */
 #define SD_STEPS_PER_MM 1e5 /* rounding of reported standard deviations */
-#define MAX_SUM_PX 8000000  /* in a column of cells: sums of grey fit 32 bits */
+#define MAX_SUM_CELLS 32000 /* in a column of the surfaces: sums of steps fit 32 bits */
 
-/* A downsampled image: sums of grey over cells, row by row. */
+/* A downsampled image: mean grey of cells, row by row, in steps. */
 typedef struct {
     const int32_t *cells; /* (rows, columns) */
     int rows, columns;
-    int group;  /* cells side by side that make one column of the surfaces */
-    int pixels; /* of a cell */
+    int group; /* cells side by side that make one column of the surfaces */
 } Grid;
 
 /* How a surface is smoothed; its standard deviation is at least `least_sd_rows`, in rows. */
@@ -51,7 +51,7 @@ typedef struct {
 typedef struct {
     double step_px, dark_grey, mask_grey, strip_grey, lowest_slope, highest_slope, inlier_steps;
     double below_ilm_px;  /* rows of the image; deeper below the ILM, no ridge is searched */
-    int across, down;     /* pixels of a cell */
+    double across, down;  /* pixels of a cell */
     int side;             /* cells from the ridge to its dark sides */
     int votes, erased;    /* least number of cells on a line; cells beside it that it accounts for */
     int gap, run, beyond; /* a longer gap ends a ridge, after such a run; stations kept beyond its end */
@@ -92,6 +92,7 @@ typedef struct {
 typedef struct {
     double wall_rows, spot_rows, above_rows,
         below_rows;              /* far wall; spot on the line; searched beyond both */
+    double smooth_rows;          /* at least 1 */
     double half_px, ahead_px[2]; /* of the tip's column, and tissue in full light */
     double bright_share, equal_share, spot_sd_rows, lit_share, min_gain, floor_grey;
     int apart_rows; /* whose noise is independent; positive */

@@ -11,14 +11,35 @@ typedef struct {
     double start, end, grey; /* rows from the shaft's line; brightest grey */
 } Spot;
 
-/* Write the mean of some columns, both included, in rows from top to before bottom. */
-static void mean_rows(const uint8_t *image, int width, int left, int right, int top, int bottom,
+/* Write the mean of a span of columns in rows from top to before bottom. The parts of columns count, so that
+   the span is as wide in scans of any resolution. */
+static void mean_rows(const uint8_t *image, int width, double left, double right, int top, int bottom,
                       double *means) {
+    left = maximum(0, minimum(left + 0.5, width - 1)); /* from the edge of the image on */
+    right = maximum(left + 1, minimum(right + 0.5, width));
+    const int first = (int)left, last = clamped(ceil(right) - 1, first, width - 1);
+    const double first_part = first + 1 - left, last_part = right - last;
     for (int row = top; row < bottom; row++) {
         const uint8_t *pixel = image + (ptrdiff_t)row * width;
         int sum = 0;
-        for (int column = left; column <= right; column++) sum += pixel[column];
-        *means++ = (double)sum / (right + 1 - left);
+        for (int column = first + 1; column < last; column++) sum += pixel[column];
+        const double ends = first_part * pixel[first] + (last > first ? last_part * pixel[last] : 0);
+        *means++ = (sum + ends) / (right - left);
+    }
+}
+
+/* Average values over a window of rows, whose outermost may count in part. */
+static void smooth(const double *values, int count, double rows, double *means) {
+    const int reach = clamped(ceil(rows / 2 - 0.5), 0, count);
+    for (int row = 0; row < count; row++) {
+        double sum = 0, total = 0;
+        for (int off = -reach; off <= reach; off++) {
+            if (row + off < 0 || row + off >= count) continue;
+            const double part = minimum(1, rows / 2 + 0.5 - abs(off));
+            sum += part * values[row + off];
+            total += part;
+        }
+        means[row] = sum / total;
     }
 }
 
@@ -57,18 +78,14 @@ static void drop_of(const BevelSearch *search, int has_upper, double upper_end, 
 EXPORT void drop_in_vitreous(const uint8_t *image, int width, int height, const BevelSearch *search, double x,
                              double y, double ilm_px, double typical_grey, double *drop) {
     drop[0] = drop[1] = 0;
-    const int column = clamped(nearbyint(x), 0, width - 1),
-              half = clamped(nearbyint(search->half_px), 0, width);
     const int upper = clamped(nearbyint(y) - nearbyint(search->above_rows), 0, height);
     const double end = minimum(minimum(nearbyint(y) + search->wall_rows, ilm_px - 2), height);
     const int count = clamped(nearbyint(end), 0, height) - upper;
     if (count < 6 || count > MAX_COLUMN_ROWS) return;
     double values[MAX_COLUMN_ROWS], profile[MAX_COLUMN_ROWS];
-    mean_rows(image, width, column < half ? 0 : column - half,
-              column + half < width ? column + half : width - 1, upper, upper + count, values);
-    for (int row = 0; row < count; row++) profile[row] = values[row] -= search->floor_grey;
-    for (int row = 1; row < count - 1; row++)
-        profile[row] = (values[row - 1] + values[row] + values[row + 1]) / 3;
+    mean_rows(image, width, x - search->half_px, x + search->half_px, upper, upper + count, values);
+    for (int row = 0; row < count; row++) values[row] -= search->floor_grey;
+    smooth(values, count, search->smooth_rows, profile);
     qsort(values, (size_t)count, sizeof *values, compare_doubles);
     const double bright = maximum(values[count / 4], 0) + search->bright_share * typical_grey;
     const double top = upper - y, most = maximum(2, nearbyint(search->spot_rows / 3));
@@ -102,13 +119,11 @@ static double variance_of_steps(const double *values, int count, int apart) {
     return sum / (count - apart);
 }
 
-/* Write the columns from one end to the other of a span beside the tip; return whether the image has them. */
-static int span_of(double x, double one, double other, int width, int *left, int *right) {
-    const double a = nearbyint(x + one), b = nearbyint(x + other);
-    if (!(minimum(a, b) >= 0 && maximum(a, b) < width)) return 0;
-    *left = (int)minimum(a, b);
-    *right = (int)maximum(a, b);
-    return 1;
+/* Write a span of columns beside the tip, from one end to the other; return whether the image has it. */
+static int span_of(double x, double one, double other, int width, double *left, double *right) {
+    *left = x + minimum(one, other);
+    *right = x + maximum(one, other);
+    return *left >= 0 && *right < width - 1;
 }
 
 /* Write the same of a tip in tissue: where, in its column, tissue in the light ends. `side` is 1 if the
@@ -119,7 +134,7 @@ EXPORT void drop_in_tissue(const uint8_t *image, int width, int height, const Be
     const int top = clamped(nearbyint(y + search->spot_rows / 2), 0, height);
     const int count = clamped(nearbyint(y + (search->wall_rows + search->below_rows)), 0, height) - top;
     const double *ahead = search->ahead_px, half = search->half_px;
-    int left, right, left_ahead, right_ahead;
+    double left, right, left_ahead, right_ahead;
     if (count < 12 || count <= 2 * search->apart_rows || count > MAX_COLUMN_ROWS ||
         !span_of(x, -side * half, side * half, width, &left, &right) ||
         !span_of(x, side * ahead[0], side * ahead[1], width, &left_ahead, &right_ahead))

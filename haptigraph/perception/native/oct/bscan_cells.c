@@ -7,7 +7,7 @@
 #define LEVELS_PER_GREY 4 /* resolution of quantiles */
 #define MAX_LEVELS (256 * LEVELS_PER_GREY)
 
-/* Sum the columns of each cell. */
+/* Sum the columns of each square. */
 static inline void add_groups(const uint16_t *restrict sums, int across, int columns,
                               int32_t *restrict cells) {
     for (int column = 0; column < columns; column++) {
@@ -17,9 +17,9 @@ static inline void add_groups(const uint16_t *restrict sums, int across, int col
     }
 }
 
-/* Sum the grey of cells of `across` x `down` pixels; `sums` holds one value per column of the image. */
-VECTORS EXPORT void sum_cells(const uint8_t *image, int width, int across, int down, int rows, int columns,
-                              uint16_t *sums, int32_t *cells) {
+/* Sum the grey of squares of `across` x `down` pixels; `sums` holds one value per column of the image. */
+VECTORS EXPORT void sum_squares(const uint8_t *image, int width, int across, int down, int rows, int columns,
+                                uint16_t *sums, int32_t *cells) {
     for (int row = 0; row < rows; row++) {
         memset(sums, 0, sizeof *sums * (size_t)width);
         for (int line = 0; line < down; line++, image += width)
@@ -44,6 +44,48 @@ VECTORS EXPORT void sum_cells(const uint8_t *image, int width, int across, int d
     }
 }
 
+/* Write where the cells along a side of the image begin, in 256ths of a pixel, and where the last one ends.
+ */
+static void write_edges(double size_px, int count, int32_t *edges) {
+    for (int cell = 0; cell <= count; cell++) edges[cell] = (int32_t)floor(256 * size_px * cell + 0.5);
+}
+
+/* Sum the rows of pixels from one edge to another, each by its part between them. */
+static inline void sum_rows(const uint8_t *image, int width, int32_t start, int32_t stop,
+                            uint32_t *restrict sums) {
+    memset(sums, 0, sizeof *sums * (size_t)width);
+    for (int32_t row = start >> 8; row << 8 < stop; row++) {
+        const int32_t first = row << 8, last = first + 256;
+        const uint16_t part = (uint16_t)((last < stop ? last : stop) - (first > start ? first : start));
+        const uint8_t *restrict pixel = image + (ptrdiff_t)row * width;
+        for (int x = 0; x < width; x++) sums[x] += (uint16_t)(pixel[x] * part);
+    }
+}
+
+/* Write the mean grey of cells of `across` x `down` pixels, at least 1 each way, in steps. Their sizes need
+   not be whole, so that they are the same in millimetres for every scanner. `scratch` has a value per column
+   of the image, and per column and row of cells, and 3 more. */
+VECTORS EXPORT void average_cells(const uint8_t *image, int width, double across, double down, int rows,
+                                  int columns, uint32_t *scratch, int32_t *cells) {
+    uint32_t *sums = scratch;
+    int32_t *lefts = (int32_t *)(sums + width + 1), *tops = lefts + columns + 1;
+    write_edges(across, columns, lefts);
+    write_edges(down, rows, tops);
+    sums[width] = 0; /* where the last column may end */
+    for (int row = 0; row < rows; row++, cells += columns) {
+        sum_rows(image, width, tops[row], tops[row + 1], sums);
+        const double steps = (double)CELL_STEPS / (tops[row + 1] - tops[row]);
+        int64_t whole = 0, before = 0;
+        for (int column = 0, x = 0; column < columns; column++) {
+            const int32_t left = lefts[column], right = lefts[column + 1];
+            for (; x < right >> 8; x++) whole += sums[x];
+            const int64_t until = 256 * whole + (int64_t)(right & 255) * sums[x];
+            cells[column] = (int32_t)((double)(until - before) * (steps / (right - left)) + 0.5);
+            before = until;
+        }
+    }
+}
+
 /* Return the level below which a share of all counted values lies. */
 static int level_of(const int *counts, int total, double share) {
     int below = 0, level = 0;
@@ -56,7 +98,7 @@ static int level_of(const int *counts, int total, double share) {
  */
 EXPORT void cell_levels(const Grid *grid, double *levels_grey) {
     int counts[MAX_LEVELS] = {0}, differences[MAX_LEVELS] = {0}, total = 0, pairs = 0;
-    const double level = (double)LEVELS_PER_GREY / grid->pixels;
+    const double level = (double)LEVELS_PER_GREY / CELL_STEPS;
     for (int row = 0; row < grid->rows; row += 2) {
         const int32_t *cells = grid->cells + (ptrdiff_t)row * grid->columns;
         for (int start = 0; start + grid->group <= grid->columns; start += 2 * grid->group, total++) {

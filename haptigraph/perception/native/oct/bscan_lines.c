@@ -13,13 +13,11 @@ typedef struct {
 } Line;
 
 /* Return the row of a surface beyond its visible part, by the slope of its last columns there, if it has so
-   many: the `number` of its visible columns, first to last; no more than `most_px` away. */
+   many: the `number` of its visible columns, first to last. */
 static double beyond(const Columns *surface, const int *seen, int number, const LineLimits *limits,
                      double x_px) {
     const int slope_columns = limits->slope_columns;
-    const double least_px = surface->x_px[seen[0]] - limits->most_px;
-    const double at = maximum(least_px, minimum(x_px, surface->x_px[seen[number - 1]] + limits->most_px));
-    const int after = at > surface->x_px[seen[number - 1]];
+    const int after = x_px > surface->x_px[seen[number - 1]];
     const int *end = seen + (after ? number - slope_columns : 0);
     if (number <= slope_columns) return surface->row_px[seen[after ? number - 1 : 0]];
     double x_mean = 0, row_mean = 0, product = 0, spread = 0;
@@ -31,7 +29,7 @@ static double beyond(const Columns *surface, const int *seen, int number, const 
         product += (surface->x_px[end[one]] - x_mean) * (surface->row_px[end[one]] - row_mean);
         spread += square(surface->x_px[end[one]] - x_mean);
     }
-    return row_mean + product / spread * (at - x_mean);
+    return row_mean + product / spread * (x_px - x_mean);
 }
 
 static double uncertain(double sd_px, const LineLimits *limits, double distance_px) {
@@ -46,14 +44,18 @@ static void add(Line *line, double x_px, double row_px, double sd_px, int is_vis
     line->is_visible[line->count++] = (uint8_t)is_visible;
 }
 
-/* Write a surface from its first to its last visible column, extended to the tip; `seen` has
-   a value per column. */
+/* Write a surface from its first to its last visible column, extended to the tip; nothing if that is too far
+   from what is visible. `seen` has a value per column. */
 static void trace(const Columns *surface, const LineLimits *limits, int *seen, Line *line) {
     int number = 0, next = 0;
-    for (int column = 0; column < surface->count; column++)
-        if (surface->is_visible[column]) seen[number++] = column;
+    double nearest_px = INFINITY;
+    for (int column = 0; column < surface->count; column++) {
+        if (!surface->is_visible[column]) continue;
+        seen[number++] = column;
+        nearest_px = minimum(nearest_px, fabs(surface->x_px[column] - limits->tip_px));
+    }
     line->count = 0;
-    if (!number) return;
+    if (!number || nearest_px > limits->most_px) return;
     const double *x = surface->x_px, *row = surface->row_px, *sd = surface->sd_px;
     const int first = seen[0], last = seen[number - 1];
     const double before = limits->tip_px - limits->beyond_px, after = limits->tip_px + limits->beyond_px;

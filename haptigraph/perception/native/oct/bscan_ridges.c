@@ -10,7 +10,7 @@
 #define STRIP_LANES (2 * FLANK_STEPS + 1)
 #define TURN 0.0131 /* tangent of half the angle between two directions, 1.5 degrees */
 #define MAX_DIRECTIONS 120
-#define TURNS 3  /* of the strip of a line, until it lies along the ridge and holds its end */
+#define TURNS 3  /* of the strip of a line that holds the ridge's end, until it lies along the ridge */
 #define FITS 2   /* lines that are refined before the search ends without a ridge */
 #define BESIDE 2 /* directions, and cells, in which a weaker line counts as the same */
 #define FLANK_START 7
@@ -45,8 +45,8 @@ static inline int32_t square_sum(const int32_t *cells, int columns, int row, int
 VECTORS static void mark_ridges(const Grid *grid, const RidgeSearch *search, const int32_t *limit_row,
                                 int32_t *core, int32_t *sides, uint8_t *mask) {
     const int columns = grid->columns, rows = grid->rows, s = search->side;
-    const int32_t min = (int32_t)(search->mask_grey * 36 * grid->pixels);
-    const int32_t dark = (int32_t)(search->dark_grey * 36 * grid->pixels);
+    const int32_t min = (int32_t)(search->mask_grey * 36 * CELL_STEPS);
+    const int32_t dark = (int32_t)(search->dark_grey * 36 * CELL_STEPS);
     for (int row = 1; row < rows - 1; row++) {
         const int32_t *at = grid->cells + (ptrdiff_t)row * columns;
         for (int x = 1; x < columns - 1; x++) {
@@ -280,8 +280,8 @@ static int refine(const Picture *picture, const RidgeSearch *search, int longest
         const int seen = samples->stations * every;
         const int is_cut = seen + every <= length && last + search->beyond / 2 > seen;
         longest = last + search->beyond;
-        if ((!is_cut && (every == 1 || moved <= CORE_STEPS / 2.0)) || ++turns >= TURNS)
-            every -= 2; /* else the strip may have lost the ridge at its far end, or ended with it */
+        /* a strip that was cut ended with the ridge; one that moved may have lost it at its far end */
+        if (!is_cut && (every == 1 || moved <= CORE_STEPS / 2.0 || ++turns >= TURNS)) every -= 2;
         const double x = line->start_px[0] - fit[0] * search->step_px * along.dy;
         const double y = line->start_px[1] + fit[0] * search->step_px * along.dx;
         const double length_of_turn = sqrt(1 + fit[1] * fit[1]);

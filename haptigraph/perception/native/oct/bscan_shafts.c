@@ -73,9 +73,10 @@ static inline double row_at(const RidgeLine *line, double x_px) {
 static void leave_out(const Candidate *candidate, double most_rows, const SurfacePair *surfaces) {
     const RidgeLine *line = &candidate->shaft.line;
     const double length = candidate->side * (candidate->end_x - line->start_px[0]);
+    const double *x_px = surfaces->x_px, half = surfaces->columns > 1 ? (x_px[1] - x_px[0]) / 2 : 0;
     for (int column = 0; column < surfaces->columns; column++) {
         const double x = surfaces->x_px[column], before = candidate->side * (candidate->end_x - x);
-        if (!(before >= 0 && before <= length)) continue;
+        if (!(before >= -half && before <= length)) continue;
         if (fabs(surfaces->ilm_px[column] - row_at(line, x)) < most_rows)
             surfaces->ilm_visible[column] = surfaces->rpe_visible[column] = 0;
     }

@@ -4,6 +4,7 @@
    A path has one row per column and maximizes the sum of rewards less the cost of steps. */
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "oct/bscan.h"
 
@@ -13,6 +14,12 @@
 
 /* Compress large differences; `share` is one over the limit. */
 static inline float saturating(float grey, float share) { return grey / (fabsf(grey) * share + 1); }
+
+/* Return how far a rise counts: not up to the least, in full from twice the least on. */
+static inline float evidence(float rise, float least) {
+    const float share = rise / least - 1;
+    return share < 0 ? 0 : share < 1 ? share : 1;
+}
 
 /* Return the mean grey of a column's rows from start to before stop, from its running sums. */
 static inline float mean(const int32_t *sums, int start, int stop, float scale) {
@@ -144,28 +151,48 @@ static int prefer_upper(const float *reward, const float *rise, int columns, int
     return found;
 }
 
+/* Return a quantile of the values of some columns, of all if `of` is NULL; 0 for none. */
+static float quantile(const float *values, const uint8_t *of, int columns, double share, float *ordered) {
+    int count = 0;
+    for (int column = 0; column < columns; column++)
+        if (!of || of[column]) ordered[count++] = values[column];
+    qsort(ordered, (size_t)count, sizeof *ordered, compare_floats);
+    return count ? ordered[(int)(share * (count - 1))] : 0;
+}
+
+/* Return the least rise of tissue, given that along a path. */
+static float least_rise(const SurfaceSearch *search, const float *rise, int columns, float *ordered) {
+    const float typical = quantile(rise, NULL, columns, 0.9, ordered);
+    return (float)maximum(search->min_rise_grey, search->min_rise_share * typical);
+}
+
 /* Find the ILM: the first step from dark to bright with bright tissue below. `sums` are the running sums of
    each column, `stride` values each, from `deep` rows above the image on.
 
    Write its sub-pixel row in each column, and how much brighter it is below than above [grey levels]. Return
    whether there was memory. */
 static int find_ilm(const Grid *grid, const SurfaceSearch *search, int32_t *sums, int stride, double *ilm,
-                    float *rise_grey) {
+                    float *rise_grey, float *ordered) {
     const int columns = grid->columns / grid->group, rows = grid->rows, deep = search->deep;
     const size_t count = (size_t)columns * (size_t)rows;
-    float *reward = malloc((3 * count + (size_t)columns) * sizeof *reward);
+    float *reward = calloc(3 * count + (size_t)columns, sizeof *reward);
     if (!reward) return 0;
     float *step = reward + count, *rise = step + count;
     int32_t *path = (int32_t *)(rise + count);
-    const int pixels = grid->pixels * grid->group;
+    const int steps = CELL_STEPS * grid->group;
     for (int column = 0; column < columns; column++) {
         const ptrdiff_t first = (ptrdiff_t)column * rows;
-        darken_above(sums, deep, search->top_grey * pixels, (int32_t)(search->dark_grey * pixels));
-        reward_ilm(sums + deep, rows, search, 1 / (float)pixels, step + first, rise + first, reward + first);
+        darken_above(sums, deep, search->top_grey * steps, (int32_t)(search->dark_grey * steps));
+        reward_ilm(sums + deep, rows, search, 1 / (float)steps, step + first, rise + first, reward + first);
         sums += stride;
     }
-    const int found = best_rows(reward, columns, rows, search->most, search->step_grey, path) &&
-                      prefer_upper(reward, rise, columns, rows, search, path);
+    int found = best_rows(reward, columns, rows, search->most, search->step_grey, path);
+    for (int column = 0; found && column < columns; column++)
+        rise_grey[column] = rise[(ptrdiff_t)column * rows + path[column]];
+    const float least = least_rise(search, rise_grey, columns, ordered);
+    for (size_t at = 0; at < count; at++) reward[at] *= evidence(rise[at], least);
+    found = found && best_rows(reward, columns, rows, search->most, search->step_grey, path) &&
+            prefer_upper(reward, rise, columns, rows, search, path);
     for (int column = 0; found && column < columns; column++) {
         const ptrdiff_t first = (ptrdiff_t)column * rows;
         ilm[column] = peak_near(step + first, rows, path[column]);
@@ -176,8 +203,8 @@ static int find_ilm(const Grid *grid, const SurfaceSearch *search, int32_t *sums
 }
 
 /* Write rise, fall and reward of the RPE in each row of a column, from its running sums at its first row. */
-static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSearch *search, float scale,
-                       float *restrict rise, float *restrict fall, float *restrict reward) {
+static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSearch *search, float least,
+                       float scale, float *restrict rise, float *restrict fall, float *restrict reward) {
     const float limit = 1 / (float)search->saturation_grey;
     const int band = search->band, edge = search->edge;
     for (int row = 0; row < rows; row++) {
@@ -185,8 +212,9 @@ static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSear
         const float step = mean(sums + row, 0, edge, scale) - mean(sums + row, -edge, 0, scale);
         rise[row] = body - mean(sums + row, -band, 0, scale);
         fall[row] = body - mean(sums + row, 2 * band, 4 * band, scale);
-        reward[row] = saturating(step, limit) + saturating(rise[row], limit) +
-                      FALL_SHARE * saturating(fall[row], limit);
+        const float sum = saturating(step, limit) + saturating(rise[row], limit) +
+                          FALL_SHARE * saturating(fall[row], limit);
+        reward[row] = sum * evidence(rise[row] < fall[row] ? rise[row] : fall[row], least);
     }
 }
 
@@ -196,7 +224,7 @@ static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSear
    Write its sub-pixel row in each column, and by how much the band is brighter than above and below it.
    Return whether there was memory. */
 static int find_rpe(const Grid *grid, const SurfaceSearch *search, const int32_t *sums, int stride,
-                    const double *ilm, const uint8_t *visible, double *rpe, float *rise_grey,
+                    const double *ilm, const uint8_t *visible, float least, double *rpe, float *rise_grey,
                     float *fall_grey) {
     const int columns = grid->columns / grid->group, band = search->band, end = grid->rows;
     const int above = band > search->edge ? band : search->edge, rows = search->thickest - search->thinnest;
@@ -205,14 +233,14 @@ static int find_rpe(const Grid *grid, const SurfaceSearch *search, const int32_t
     if (!reward) return 0;
     float *rise = reward + count, *fall = rise + count;
     int32_t *path = (int32_t *)(fall + count);
-    const float scale = 1 / (float)(grid->pixels * grid->group);
+    const float scale = 1 / (float)(CELL_STEPS * grid->group);
     for (int column = 0; column < columns; column++) {
         const int first = clamped(ilm[column] + 0.5, 0, end) + search->thinnest;
         const int from = first < above ? above - first : 0, to = end - 2 * band - first;
         const ptrdiff_t at = (ptrdiff_t)column * rows + from;
         if (!visible[column] || to <= from) continue;
         reward_rpe(sums + (ptrdiff_t)column * stride + first + from, (to < rows ? to : rows) - from, search,
-                   scale, rise + at, fall + at, reward + at);
+                   least, scale, rise + at, fall + at, reward + at);
     }
     const int found = best_rows(reward, columns, rows, search->most, search->rpe_step_grey, path);
     for (int column = 0; found && column < columns; column++) {
@@ -226,13 +254,14 @@ static int find_rpe(const Grid *grid, const SurfaceSearch *search, const int32_t
     return found;
 }
 
-/* Return a quantile of the values of some columns, of all if `of` is NULL; 0 for none. */
-static float quantile(const float *values, const uint8_t *of, int columns, double share, float *ordered) {
-    int count = 0;
-    for (int column = 0; column < columns; column++)
-        if (!of || of[column]) ordered[count++] = values[column];
-    qsort(ordered, (size_t)count, sizeof *ordered, compare_floats);
-    return count ? ordered[(int)(share * (count - 1))] : 0;
+/* Average values over three visible columns: the speckle of one says little of a band. */
+static void average_visible(float *values, const uint8_t *visible, int columns, float *kept) {
+    memcpy(kept, values, sizeof *kept * (size_t)columns);
+    for (int column = 0; column < columns; column++) {
+        const float before = column > 0 && visible[column - 1] ? kept[column - 1] : kept[column];
+        const float after = column + 1 < columns && visible[column + 1] ? kept[column + 1] : kept[column];
+        values[column] = (before + 2 * kept[column] + after) / 4;
+    }
 }
 
 /* Find both surfaces.
@@ -254,15 +283,15 @@ VECTORS EXPORT int find_surfaces(const Grid *grid, const SurfaceSearch *search, 
         running_sums(grid, column, deep, below, sums + (ptrdiff_t)column * stride);
     double *ilm = rows, *rpe = rows + columns;
     uint8_t *is_tissue = visible, *is_band = visible + columns;
-    int found = find_ilm(grid, search, sums, stride, ilm, rise);
-    const float typical = quantile(rise, NULL, columns, 0.9, ordered);
-    float least = (float)maximum(search->min_rise_grey, search->min_rise_share * typical);
+    int found = find_ilm(grid, search, sums, stride, ilm, rise, ordered);
+    float least = least_rise(search, rise, columns, ordered);
     for (int column = 0; column < columns; column++) is_tissue[column] = rise[column] >= least;
     remove_specks(is_tissue, columns, search->min_columns);
     *tissue_grey = quantile(rise, is_tissue, columns, 0.5, ordered);
     smooth_rows(ilm, is_tissue, columns, &search->ilm, scratch, rows + 2 * count);
-    found = found && find_rpe(grid, search, sums + deep, stride, ilm, is_tissue, rpe, rise, fall);
     least = (float)maximum(search->min_band_share * *tissue_grey, search->min_band_grey);
+    found = found && find_rpe(grid, search, sums + deep, stride, ilm, is_tissue, least, rpe, rise, fall);
+    average_visible(fall, is_tissue, columns, ordered);
     for (int column = 0; column < columns; column++)
         is_band[column] = is_tissue[column] && rise[column] > least && fall[column] > least &&
                           rpe[column] < grid->rows - 2 * search->band;
