@@ -191,7 +191,7 @@ rehearse: setup  ## two complete studies with simulated participants; updates do
 screenshots: setup  ## screenshots of every page into docs/images; needs Chromium
 	$(BIN)/python docs/screenshots.py
 
-train: setup  ## train the network of the perceiver segmentation on simulated B-scans, and write its report
+train: setup  ## train the networks of the perceiver segmentation on simulated B-scans, and write its report
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement training/requirements.txt
 	OMP_WAIT_POLICY=passive GOMP_SPINCOUNT=0 $(BIN)/python -m training.train
 

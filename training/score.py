@@ -60,7 +60,7 @@ def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Sc
         scan = scene.take(camera)
         maps = model(scan.image)
         scale_mm = scene.scan.lateral_mm_per_px, scene.scan.axial_mm_per_px
-        found, shaft = interpret(maps, model.spec, scan.image, scale_mm)
+        found, shaft = interpret(maps, model, scan.image, scale_mm)
         truth = scan.truth
         surfaces = {
             "ILM": (rows_by_column(found.x_px, found.ilm_px, found.ilm_visible), truth.ilm_px, truth.ilm_lit),

@@ -1,4 +1,4 @@
-"""Train the U-Net that ships with haptigraph, export it to ONNX, and write its report: `make train`.
+"""Train the networks that ship with haptigraph, export them to ONNX, and write their report: `make train`.
 
 Everything is seeded: the same machine with the same libraries gives the same network. Images for training,
 validation and scoring are simulated with different seeds.
@@ -19,6 +19,7 @@ from torch import nn
 from haptigraph.sim.oct.bscan import CLASSES
 from training.data import SIDE_PX, Example, batches, draw, simulate
 from training.report import TrainingRun, write_report
+from training.train_profiles import write_profile_net
 from training.unet import SmallUNet
 
 MODELS = Path(__file__).parent.parent / "haptigraph" / "models"
@@ -46,6 +47,7 @@ def main() -> None:
     busy_minutes = sum(os.times()[:4]) / 60
     print(f"trained in {minutes:.1f} minutes, {busy_minutes:.1f} of them processor time", flush=True)
     if not args.no_report:
+        write_profile_net(args.output / "bscan_unet.toml")
         run = TrainingRun(len(examples), args.steps, minutes, busy_minutes)
         write_report(args.output / "bscan_unet.toml", run)
 
@@ -64,7 +66,9 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--examples", type=int, default=1600, help="B-scans to simulate")
     parser.add_argument("--steps", type=int, default=3600, help="batches to train on")
     parser.add_argument("--output", type=Path, default=MODELS, help="folder of the network and its TOML")
-    parser.add_argument("--no-report", action="store_true")
+    parser.add_argument(
+        "--no-report", action="store_true", help="only the U-Net: no second network, no report"
+    )
     return parser.parse_args()
 
 

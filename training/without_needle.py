@@ -72,7 +72,7 @@ def score_empty(model: OnnxModel, count: int, *, diseased: bool, seed: int = EMP
         scene = random_detailed_scene(number, seed, diseased=diseased)
         scan = scene.take()
         scale_mm = scene.scan.lateral_mm_per_px, scene.scan.axial_mm_per_px
-        found, shaft = interpret(model(scan.image), model.spec, scan.image, scale_mm)
+        found, shaft = interpret(model(scan.image), model, scan.image, scale_mm)
         rpe, ilm = (
             np.where(is_inside(true), rows_by_column(found.x_px, row, is_visible) - true, np.nan)
             for row, is_visible, true in (

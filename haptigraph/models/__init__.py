@@ -1,1 +1,1 @@
-"""Networks that ship with haptigraph: ONNX files, each with the TOML file that describes it."""
+"""Networks that ship with haptigraph: ONNX files, and the TOML file that describes them."""

@@ -52,6 +52,21 @@ def network(weights: np.ndarray, bias: np.ndarray, shape: list[object]) -> onnx.
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
 
 
+def profile_net(weights: np.ndarray, bias: float) -> onnx.ModelProto:
+    """A second network: the logit of an RPE that is too deep is linear in its profile of grey."""
+    graph = helper.make_graph(
+        [helper.make_node("Gemm", ["profiles", "weights", "bias"], ["too_deep"])],
+        "profile",
+        [helper.make_tensor_value_info("profiles", TensorProto.FLOAT, ["n", len(weights)])],
+        [helper.make_tensor_value_info("too_deep", TensorProto.FLOAT, ["n", 1])],
+        [
+            numpy_helper.from_array(np.asarray(weights, np.float32).reshape(-1, 1), "weights"),
+            numpy_helper.from_array(np.array([bias], np.float32), "bias"),
+        ],
+    )
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+
+
 def write_model(folder: Path, model: onnx.ModelProto, text: str = "", **fields: object) -> Path:
     """Write a network and its TOML file; return the path of the TOML file."""
     (folder / "net.onnx").write_bytes(model.SerializeToString())

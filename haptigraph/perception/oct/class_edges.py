@@ -3,7 +3,7 @@
 The outer retina has several bright bands, some 40 µm apart. A network may follow the wrong one with
 confidence, over half an image; then an edge from dark to bright is visible above its border. And the image
 locates such an edge more precisely than the classes do. In atrophy, where the RPE is missing, the choroid
-below is bright.
+below is bright. The profile of grey across a border is what a second network judges it by.
 """
 
 import cv2
@@ -13,7 +13,7 @@ from haptigraph.geometry import Vec
 from haptigraph.imaging import FloatImage, Floats, Mask, grey_of
 from haptigraph.messages import Image
 
-__all__ = ["transmits_light", "upper_edge"]
+__all__ = ["PROFILE_VALUES", "averaged", "profiles", "strip", "transmits_light", "upper_edge"]
 
 STEP_MM = 0.003  # between samples down a column; the next three are counts of samples
 AVERAGED = 4  # on either side of an edge
@@ -23,7 +23,11 @@ ALONG_MM, MIN_ALONG_COLUMNS = 0.2, 2  # averaged along a border, on either side
 MAX_SHARE = 0.3  # contrast of other edges, relative to a border's own
 RETINA, CHOROID = (-33, -7), (20, 50)  # 20 to 100 µm above a border; 60 to 150 µm below it
 MAX_TRANSMITTED = 2.0  # brightness of the choroid over the dark, relative to that of the retina
-DARK_PERCENT = 5  # of an image is as dark as without backscatter
+DARK_PERCENT, BRIGHT_PERCENT = 5, 98  # of an image is as dark as without backscatter; all but 2 % is darker
+PROFILE_STEP_MM, PROFILE = 0.006, (-45, 25)  # samples of a profile, 270 µm above to 150 µm below a border
+PROFILE_WIDTHS_MM = (0.1, 0.2, 0.6)  # averaged along a border, on either side
+PROFILE_VALUES = len(PROFILE_WIDTHS_MM) * (PROFILE[1] - PROFILE[0])
+"""Number of values of a profile."""
 
 
 def upper_edge(image: Image, row_px: Floats, mm_per_px: Vec) -> tuple[Floats, Mask]:
@@ -54,6 +58,33 @@ def transmits_light(image: Image, row_px: Floats, mm_per_px: Vec) -> Mask:
     above, below = (_mean_along(narrow, row_px, mm_per_px[1], half, span) for span in (RETINA, CHOROID))
     dark_grey = float(np.percentile(narrow, DARK_PERCENT))
     return np.asarray(below - dark_grey > MAX_TRANSMITTED * np.maximum(above - dark_grey, 1.0))
+
+
+def profiles(image: Image, row_px: Floats, mm_per_px: Vec) -> FloatImage:
+    """Return the profile of grey across a border in each column, (n, values).
+
+    0 is as dark as the image without backscatter, 1 is bright. Arguments as of `upper_edge`.
+    """
+    grey, levels = strip(image, row_px, mm_per_px)
+    return averaged(grey, levels, image.shape[1] * mm_per_px[0] / len(row_px))
+
+
+def strip(image: Image, row_px: Floats, mm_per_px: Vec) -> tuple[FloatImage, tuple[float, float]]:
+    """Return the grey near a border, (samples, n), and what is dark and what is bright in the image."""
+    narrow = _narrow(image, len(row_px))
+    samples = np.arange(*PROFILE) + 0.5
+    flat = _flat(narrow, row_px + (samples * (PROFILE_STEP_MM / mm_per_px[1]))[:, None])
+    dark, bright = np.percentile(narrow, (DARK_PERCENT, BRIGHT_PERCENT))
+    return flat, (float(dark), float(bright))
+
+
+def averaged(grey: FloatImage, levels: tuple[float, float], column_mm: float) -> FloatImage:
+    """Return the profiles, (n, values), of a strip whose columns are so wide."""
+    dark, bright = levels
+    relative = (np.asarray(grey, np.float32) - np.float32(dark)) / np.float32(max(bright - dark, 1.0))
+    halves = (max(MIN_ALONG_COLUMNS, round(width_mm / column_mm)) for width_mm in PROFILE_WIDTHS_MM)
+    means = [cv2.blur(relative, (2 * half + 1, 1), borderType=cv2.BORDER_REPLICATE) for half in halves]
+    return np.ascontiguousarray(np.concatenate(means).T, np.float32)
 
 
 def _mean_along(

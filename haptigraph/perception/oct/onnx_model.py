@@ -14,8 +14,9 @@ import numpy as np
 from msgspec import Meta, Struct, field
 
 from haptigraph.errors import BadInput, MissingExtra
-from haptigraph.imaging import FloatImage, grey_of
+from haptigraph.imaging import FloatImage, Floats, grey_of
 from haptigraph.messages import Image
+from haptigraph.perception.oct.class_edges import PROFILE_VALUES
 from haptigraph.toml_document import Document
 
 __all__ = [
@@ -63,10 +64,14 @@ class SurfaceClass(Struct, frozen=True, forbid_unknown_fields=True):
     line: Index | None = None
     upper_edge: bool = False
     """Whether it is the upper edge of a bright band, and no other such edge is just above it in tissue."""
+    confirmed_by: str = ""
+    """ONNX file, in the same folder, of a network that judges the surface by profiles of grey across it."""
 
     def __post_init__(self) -> None:
         if (self.between is None) == (self.line is None):
             raise ValueError("expected either between = [ABOVE, BELOW] or line = CLASS")
+        if self.confirmed_by and not self.upper_edge:
+            raise ValueError("confirmed_by needs upper_edge = true")
 
     @property
     def indices(self) -> tuple[int, ...]:
@@ -118,7 +123,10 @@ class OnnxModel:
             runtime = import_module("onnxruntime")
         except ModuleNotFoundError:
             raise MissingExtra("perceiver segmentation", "onnx") from None
-        self._session = self._open_session(runtime)
+        self._session = self._open_session(runtime, self.spec.file, "file")
+        rpe = self.spec.entity.rpe
+        second = rpe.confirmed_by if rpe is not None else ""
+        self._second: Any = self._open_second(runtime, second) if second else None
         self._input, self._channels = self._checked_input()
         self._check_output()
 
@@ -135,6 +143,17 @@ class OnnxModel:
             )
         scaled = (grey.astype(np.float32) - np.float32(expected.mean_grey)) / np.float32(expected.sd_grey)
         return self._run(scaled)
+
+    def too_deep(self, profiles: FloatImage) -> Floats:
+        """Return the probability that an RPE with such a profile of grey is too deep, (n,).
+
+        Only for a model with `confirmed_by`.
+
+        Args:
+            profiles: One for each column, (n, values).
+        """
+        logits = self._second.run(None, {self._second.get_inputs()[0].name: profiles})[0]
+        return np.asarray(1 / (1 + np.exp(-np.clip(logits[:, 0], -50, 50))), np.float64)
 
     def _run(self, scaled: FloatImage) -> FloatImage:
         batch = np.broadcast_to(scaled, (1, self._channels, *scaled.shape))
@@ -161,10 +180,25 @@ class OnnxModel:
                     )
         return spec
 
-    def _open_session(self, runtime: Any) -> Any:
-        file = self._toml.parent / self.spec.file
+    def _open_second(self, runtime: Any, name: str) -> Any:
+        session = self._open_session(runtime, name, "entity.rpe.confirmed_by")
+        count = PROFILE_VALUES
+        try:
+            values = session.run(None, {session.get_inputs()[0].name: np.zeros((2, count), np.float32)})[0]
+        except Exception as error:  # of any kind that ONNX Runtime raises
+            reason = " ".join(str(error).split())[:200]
+            raise BadInput(f"{name} fails on profiles of {count} values ({reason})", self._toml) from None
+        if values.shape != (2, 1):
+            raise self._document.error(
+                f"{name} returns {_shape_text(values.shape)} for two profiles; expected 2 x 1",
+                "entity.rpe.confirmed_by",
+            )
+        return session
+
+    def _open_session(self, runtime: Any, name: str, key: str) -> Any:
+        file = self._toml.parent / name
         if not file.is_file():
-            raise self._document.error(f"no such file: {file}; put the network beside its TOML file", "file")
+            raise self._document.error(f"no such file: {file}; put the network beside its TOML file", key)
         options = runtime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.use_deterministic_compute = True

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Vec
-from haptigraph.imaging import FloatImage
+from haptigraph.imaging import FloatImage, Floats, Mask
 from haptigraph.messages import Capture, Image, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
-from haptigraph.perception.oct.class_edges import transmits_light, upper_edge
+from haptigraph.perception.oct.class_edges import profiles, transmits_light, upper_edge
 from haptigraph.perception.oct.class_maps import Rows, Scaling, border_rows, line_rows, without_neighbours
 from haptigraph.perception.oct.class_needle import NeedleFit, fit_needles
 from haptigraph.perception.oct.class_shadow import SHADOW_MARGIN_MM, Evidence, enters_from_border
@@ -26,10 +26,13 @@ from haptigraph.perception.oct.scan_geometry import Layers, ObservationBuilder, 
 from haptigraph.perception.oct.surfaces import without_specks
 from haptigraph.registration.oct import ScanRegistration
 
-__all__ = ["SegmentationPerceiver", "interpret"]
+__all__ = ["SegmentationPerceiver", "interpret", "likely_layers"]
 
 COLUMNS = 128  # largest number of columns in which surfaces are sampled
 RPE_DEPTH_COST = 4.0  # an RPE that is reported too deep is the worse error
+CERTAIN, DOUBTED = 0.0007, 0.3  # probability, by the profile of grey, that an RPE is too deep
+MAX_DOUBTED = 0.03  # share of an image's RPE
+MAX_TIMES_USUAL = 5.0  # probability, relative to its median in the image
 ILM_MARGIN_MM = (
     0.026  # nearer to the ILM than this, the needle may continue in tissue, where it is not visible
 )
@@ -79,23 +82,65 @@ class SegmentationPerceiver:
             BadInput: If it is not a B-scan of the registered size.
         """
         image = self._registration.checked(capture.image)
-        layers, shaft = interpret(self._model(image), self._model.spec, image, self._mm_per_px)
+        layers, shaft = interpret(self._model(image), self._model, image, self._mm_per_px)
         return self._build_observation(capture.stamp_ns, layers, shaft)
 
 
 def interpret(
-    maps: FloatImage, model: ModelFile, image: Image, mm_per_px: Vec
+    maps: FloatImage, network: OnnxModel, image: Image, mm_per_px: Vec
 ) -> tuple[Layers, Shaft | None]:
     """Extract surfaces and needle from a network's output, in pixels of the image.
 
     Args:
         maps: Probability of each class, (classes, h, w).
-        model: Meaning of the classes.
+        network: The model that it comes from.
         image: The image, (h, w) or (h, w, 3).
         mm_per_px: Its lateral and axial scale.
     """
     _, height, width = maps.shape
+    model = network.spec
     scaling = Scaling(image.shape[1] / width, image.shape[0] / height, *mm_per_px)
+    ilm, rpe, likely = likely_layers(maps, model, scaling)
+    is_below = rpe.rows > ilm.rows
+    rpe_px, is_rpe = likely.rpe_px, rpe.is_visible & is_below
+    if model.entity.rpe is not None and model.entity.rpe.upper_edge:
+        kept = image[:, : round(width // len(rpe_px) * len(rpe_px) * scaling.across)]
+        rpe_px, is_first = upper_edge(kept, rpe_px, mm_per_px)
+        is_undisputed = is_first & ~transmits_light(kept, rpe_px, mm_per_px)
+        if model.entity.rpe.confirmed_by:
+            too_deep = network.too_deep(profiles(kept, rpe_px, mm_per_px))
+            is_rpe = _confirmed(too_deep, likely.rpe_visible, is_rpe, is_undisputed)
+        else:
+            is_rpe = is_rpe & without_neighbours(is_undisputed)
+    layers = likely._replace(
+        ilm_visible=without_specks(ilm.is_visible), rpe_px=rpe_px, rpe_visible=without_specks(is_rpe)
+    )
+    return layers, _shaft(maps, model, image, likely, scaling)
+
+
+def _confirmed(too_deep: Floats, is_likely: Mask, is_consistent: Mask, is_undisputed: Mask) -> Mask:
+    """Return the columns in which profiles of grey confirm the RPE.
+
+    Where the second network is certain, that suffices. Elsewhere neither the first network nor the image may
+    contradict the RPE, and it must not be doubted much more than elsewhere in the image. With much doubt in
+    one part of an image only certain columns are left: a lesion is larger than the part that is recognized.
+
+    Args:
+        too_deep: Probability that the RPE is too deep, (n,), as are the others.
+        is_likely: Where there is one at all.
+        is_consistent: Where the first network agrees with itself.
+        is_undisputed: Where no other edge and no light below contradict it.
+    """
+    is_certain = without_neighbours(is_likely & (too_deep < CERTAIN))
+    if not is_likely.any() or (too_deep[is_likely] > DOUBTED).mean() > MAX_DOUBTED:
+        return is_certain
+    limit = min(DOUBTED, MAX_TIMES_USUAL * float(np.median(too_deep[is_likely])))
+    return np.asarray(is_certain | (is_consistent & without_neighbours(is_undisputed & (too_deep < limit))))
+
+
+def likely_layers(maps: FloatImage, model: ModelFile, scaling: Scaling) -> tuple[Rows, Rows, Layers]:
+    """Return ILM and RPE in the maps, and both in pixels of the image wherever they are probable."""
+    width = maps.shape[2]
     every = max(1, width // COLUMNS)
     columns = np.arange(width // every) * every + (every - 1) / 2
     entity, least_confidence = model.entity, model.least_confidence
@@ -103,23 +148,14 @@ def interpret(
         _surface(maps, which, every, least_confidence, scaling.row_mm, cost)
         for which, cost in ((entity.ilm, 1.0), (entity.rpe, RPE_DEPTH_COST))
     )
-    likely = Layers(
+    layers = Layers(
         x_px=(columns + 0.5) * scaling.across - 0.5,
         ilm_px=(ilm.rows + 0.5) * scaling.down - 0.5,
         ilm_visible=without_specks(ilm.is_likely),
         rpe_px=(rpe.rows + 0.5) * scaling.down - 0.5,
         rpe_visible=without_specks(rpe.is_likely & (rpe.rows > ilm.rows)),
     )
-    rpe_px, is_rpe = likely.rpe_px, rpe.is_visible & (rpe.rows > ilm.rows)
-    if entity.rpe is not None and entity.rpe.upper_edge:
-        kept = image[:, : round(len(columns) * every * scaling.across)]
-        rpe_px, is_first = upper_edge(kept, rpe_px, mm_per_px)
-        is_dark_below = ~transmits_light(kept, rpe_px, mm_per_px)
-        is_rpe = is_rpe & without_neighbours(is_first & is_dark_below)
-    layers = likely._replace(
-        ilm_visible=without_specks(ilm.is_visible), rpe_px=rpe_px, rpe_visible=without_specks(is_rpe)
-    )
-    return layers, _shaft(maps, model, image, likely, scaling)
+    return ilm, rpe, layers
 
 
 def _surface(

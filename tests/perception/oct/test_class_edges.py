@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptigraph.perception.oct.class_edges import transmits_light, upper_edge
+from haptigraph.perception.oct.class_edges import PROFILE_VALUES, profiles, transmits_light, upper_edge
 
 MM_PER_PX = 0.008, 0.003
 WIDTH, COLUMNS = 512, 128
@@ -105,3 +105,38 @@ def test_transmitted_light_does_not_depend_on_the_resolution(scale):
     one = transmits_light(image, rows_px, MM_PER_PX)
     same = transmits_light(other, (rows_px + 0.5) * scale - 0.5, (MM_PER_PX[0], MM_PER_PX[1] / scale))
     assert (one == same).mean() > 0.95
+
+
+def test_a_profile_shows_the_tissue_across_a_border():
+    image = retina((90, 90))
+    values = profiles(image, np.full(COLUMNS, 119.5), MM_PER_PX)
+    assert values.shape == (COLUMNS, PROFILE_VALUES)
+    across = values.reshape(COLUMNS, 3, -1)
+    assert across[:, :, 20:44].mean() == pytest.approx((110 - 20) / (200 - 20), abs=0.02)
+    assert across[:, :, 46:51].mean() == pytest.approx(1, abs=0.05)
+
+
+@given(st.floats(0.5, 1.0), st.integers(0, 40))
+@settings(max_examples=20, deadline=None)
+def test_a_profile_does_not_depend_on_brightness_and_contrast(gain, offset):
+    image = noisy(retina((90, 130)), 4)
+    row_px = np.full(COLUMNS, 119.5)
+    one, other = (
+        profiles(each, row_px, MM_PER_PX) for each in (image, (gain * image + offset).astype(np.uint8))
+    )
+    assert np.abs(one - other).max() < 0.05
+
+
+@pytest.mark.parametrize("scale", [0.7, 1.5, 2.0])
+def test_a_profile_does_not_depend_on_the_resolution(scale):
+    image = noisy(retina((90, 130)), 5, sd_grey=3)
+    other = cv2.resize(image, None, fx=1, fy=scale, interpolation=cv2.INTER_LINEAR)
+    row_px = np.full(COLUMNS, 119.5)
+    one = profiles(image, row_px, MM_PER_PX)
+    same = profiles(other, (row_px + 0.5) * scale - 0.5, (MM_PER_PX[0], MM_PER_PX[1] / scale))
+    assert np.median(np.abs(one - same)) < 0.02
+
+
+def test_a_blank_image_has_flat_profiles():
+    image = np.full((256, WIDTH), 130, np.uint8)
+    assert not profiles(image, np.full(COLUMNS, 120.0), MM_PER_PX).any()

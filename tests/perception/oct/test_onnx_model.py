@@ -130,6 +130,42 @@ def test_an_invalid_toml_file_is_refused(tmp_path, old, new, message):
         OnnxModel(str(path))
 
 
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (None, "line 21: no such file: .*profile.onnx; put the network beside its TOML file"),
+        (7, "profile.onnx fails on profiles of 210 values"),
+        (210, ""),
+    ],
+)
+def test_an_unsuitable_second_network_is_refused(tmp_path, values, message):
+    text = (
+        onnx_files.TOML.format(**onnx_files.DEFAULTS) + 'upper_edge = true\nconfirmed_by = "profile.onnx"\n'
+    )
+    path = onnx_files.write_model(tmp_path, steps(), text)
+    if values is not None:
+        net = onnx_files.profile_net(np.ones(values) / values, 1.0)
+        (tmp_path / "profile.onnx").write_bytes(net.SerializeToString())
+    if message:
+        with pytest.raises(BadInput, match=message):
+            OnnxModel(str(path))
+        return
+    too_deep = OnnxModel(str(path)).too_deep(np.array([[-1.0] * 210, [200.0] * 210], np.float32))
+    assert too_deep == pytest.approx([0.5, 1.0], abs=1e-4)
+
+
+def test_a_second_network_that_returns_something_else_is_refused(tmp_path):
+    text = onnx_files.TOML.format(**onnx_files.DEFAULTS) + 'upper_edge = true\nconfirmed_by = "net.onnx"\n'
+    with pytest.raises(BadInput, match=r"net\.onnx fails on profiles of 210 values"):
+        OnnxModel(str(onnx_files.write_model(tmp_path, steps(), text)))
+
+
+def test_only_an_upper_edge_is_confirmed_by_profiles(tmp_path):
+    text = onnx_files.TOML.format(**onnx_files.DEFAULTS) + 'confirmed_by = "profile.onnx"\n'
+    with pytest.raises(BadInput, match="confirmed_by needs upper_edge = true"):
+        OnnxModel(str(onnx_files.write_model(tmp_path, steps(), text)))
+
+
 def test_a_missing_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     with pytest.raises(MissingExtra, match=r"haptigraph\[onnx\]"):
@@ -144,6 +180,6 @@ def test_a_toml_file_of_version_0_1_is_read_with_a_warning():
     assert str(warning.message) == f"{old_file}, line 13: key 'deviation_grey' is now called 'sd_grey'"
     shipped = Document.read(str(resources.files("haptigraph.models") / SHIPPED)).convert(ModelFile)
     needle = msgspec.structs.replace(shipped.entity.needle, least_confidence=None)
-    rpe = msgspec.structs.replace(shipped.entity.rpe, upper_edge=False)
+    rpe = msgspec.structs.replace(shipped.entity.rpe, upper_edge=False, confirmed_by="")
     entity = msgspec.structs.replace(shipped.entity, needle=needle, rpe=rpe)
     assert old == msgspec.structs.replace(shipped, entity=entity)

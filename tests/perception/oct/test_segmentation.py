@@ -141,6 +141,65 @@ def test_below_another_bright_band_no_upper_edge_is_reported(perceive, tmp_path)
     assert rows_mm == pytest.approx([(95.5 - 159.5) * AXIAL_MM] * len(rows_mm), abs=0.3 * AXIAL_MM)
 
 
+@pytest.fixture
+def judged(perceive, tmp_path):
+    """A perceiver with a second network: the brighter the tissue just above a border, the more it is doubted."""
+    above = np.zeros((3, 70))
+    above[1, 32:41] = 1 / 9  # mean of 24 to 78 µm above
+
+    def build_perceiver(gain, bias):
+        net = onnx_files.profile_net(gain * above.ravel(), bias)
+        (tmp_path / "profile.onnx").write_bytes(net.SerializeToString())
+        toml = tmp_path / "net.toml"
+        text = toml.read_text().partition("upper_edge")[0]
+        toml.write_text(text + 'upper_edge = true\nconfirmed_by = "profile.onnx"\n')
+        return SegmentationPerceiver(registered((256, 192)), PerceptionConfig(model=str(toml)))
+
+    return build_perceiver
+
+
+def two_halves():
+    """Tissue above the RPE is brighter on the right."""
+    capture = drawn(needle=False)
+    capture.image[160:175] = 150
+    capture.image[120:160, 160:] = 124
+    return capture
+
+
+def width_mm(observation):
+    """Width in which the RPE is reported as visible."""
+    if "rpe" not in observation.found:
+        return 0.0
+    x_mm = [x for x, _ in observation.found["rpe"].points_mm]
+    gaps_mm = [abs(end - start) for start, end in observation.interpolated.get("rpe", ())]
+    return max(x_mm) - min(x_mm) - sum(gaps_mm)
+
+
+def test_an_rpe_that_the_second_network_finds_too_deep_is_not_reported(judged):
+    capture = drawn(needle=False)
+    capture.image[160:175] = 150
+    assert width_mm(judged(0.0, -2.0)(capture)) > 2.3  # not certain, but not doubted
+    assert width_mm(judged(0.0, 0.0)(capture)) == 0
+
+
+def test_much_doubt_in_one_half_leaves_only_certain_columns(judged):
+    doubted = 40.0
+    certain, uncertain = (judged(doubted, bias)(two_halves()) for bias in (-32.0, -22.0))
+    assert width_mm(judged(0.0, -2.0)(two_halves())) > 2.3
+    assert 1.0 < width_mm(certain) < 1.7
+    assert max(x for x, _ in certain.found["rpe"].points_mm) < (160 - 127.5) * LATERAL_MM + 0.2
+    assert width_mm(uncertain) == 0
+
+
+def test_a_certain_second_network_overrules_the_image(judged):
+    """Another edge above the RPE counts where nothing else is known."""
+    capture = drawn(needle=False)
+    capture.image[160:175] = 150
+    capture.image[150:154, 100:180] = 124
+    assert width_mm(judged(0.0, -2.0)(capture)) < 2.0
+    assert width_mm(judged(0.0, -9.0)(capture)) > 2.3
+
+
 @pytest.mark.parametrize("scale", [0.7, 1.5, 2.0])
 def test_lengths_do_not_depend_on_the_images_resolution(scale):
     scene = random_scene(1, 301, place="above")
@@ -231,7 +290,7 @@ def rpe_errors_px(scan, found, registration):
     return (y - np.interp(x, np.arange(512), scan.truth.rpe_px))[is_seen]
 
 
-@pytest.mark.parametrize(("scenes", "least"), [(6, 0.2), pytest.param(24, 0.3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("scenes", "least"), [(6, 0.1), pytest.param(24, 0.25, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("diseased", [False, True], ids=["healthy", "diseased"])
 def test_without_needle_none_is_invented_and_the_rpe_is_not_in_the_choroid(diseased, scenes, least):
     """A few scans with choroid, lesions and lines without shadow; the report scores a thousand."""
@@ -246,7 +305,7 @@ def test_without_needle_none_is_invented_and_the_rpe_is_not_in_the_choroid(disea
         deep.append((errors_px > 5).sum())
         reported.append(len(errors_px))
     assert sum(reported) > scenes * 128 * least
-    assert sum(deep) <= 0.04 * sum(reported)  # half of it with a network that never saw a choroid
+    assert sum(deep) <= 0.01 * sum(reported)  # four times as many without the second network
 
 
 @pytest.mark.parametrize("name", ["bscan_1.png", "bscan_3.png"])
