@@ -11,7 +11,7 @@ from haptigraph.perception.native.strip import profile_share
 from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
 
-__all__ = ["fades_beyond", "faint_rest_px", "profile_continues"]
+__all__ = ["fades_beyond", "faint_rest_px", "has_profile_beyond", "profile_continues"]
 
 SHAFTS_MM = (
     (-4.5, -1.2),
@@ -29,6 +29,18 @@ MAX_POINT_MM, MAX_EVEN = (
 MAX_FAINT_MM = 0.4  # a longer rest is a shadow
 
 
+def has_profile_beyond(strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: float) -> bool:
+    """Return whether what is beyond an apparent tip has the shaft's profile, as few shadows have.
+
+    Args:
+        strip: The strip.
+        fit: The shaft's line.
+        tip_px: The apparent tip, inside the globe.
+        px_per_mm: Scale.
+    """
+    return _is_left(strip, fit, tip_px, px_per_mm, MIN_LEFT_SOFT)
+
+
 def fades_beyond(
     strip: RectifiedStrip, fit: LineFit, tip_px: float, until_px: float, px_per_mm: float
 ) -> bool:
@@ -41,9 +53,7 @@ def fades_beyond(
         until_px: How far along the strip there is contrast.
         px_per_mm: Scale.
     """
-    if until_px - tip_px > MAX_POINT_MM * px_per_mm or not _is_left(
-        strip, fit, tip_px, px_per_mm, MIN_LEFT_SOFT
-    ):
+    if until_px - tip_px > MAX_POINT_MM * px_per_mm or not has_profile_beyond(strip, fit, tip_px, px_per_mm):
         return False
     third_px = (until_px - tip_px) / 3
     starts_px = tip_px, until_px - third_px
