@@ -11,34 +11,17 @@ from haptigraph.perception.native.strip import profile_share
 from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
 
-__all__ = ["fades_beyond", "faint_rest_px", "has_profile_beyond", "profile_continues"]
+__all__ = ["fades_beyond", "faint_rest_px", "profile_continues"]
 
-SHAFTS_MM = (
-    (-4.5, -1.2),
-    (-2.0, -0.3),
-)  # from the tip: where the profile is measured; the second if that is short
-MIN_SHAFT = 4  # stations of it
+# From the tip: where the profile is measured; the second if too little of the first is inside the globe.
+SHAFTS_MM = (-4.5, -1.2), (-2.0, -0.3)
+MIN_SHAFT = 4  # stations
 REACH_PX = 4  # lanes beyond the shaft's edges
 BEYOND, BEFORE = (1, 6), (-6, -1)  # stations close to the tip that are compared
 MIN_SHARE, MIN_SNR = 0.1, 3.0  # of the profile; less is none
 MIN_LEFT, MIN_LEFT_SOFT = 0.5, 0.25  # of what is before a tip: less beyond it is a drop, or a soft shadow
-MAX_POINT_MM, MAX_EVEN = (
-    2.0,
-    0.5,
-)  # of a soft point: its length, and how much of its profile is left at its end
+MAX_POINT_MM, MAX_EVEN = 2.0, 0.5  # length of a soft point, and share of its profile at its end
 MAX_FAINT_MM = 0.4  # a longer rest is a shadow
-
-
-def has_profile_beyond(strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: float) -> bool:
-    """Return whether what is beyond an apparent tip has the shaft's profile, as few shadows have.
-
-    Args:
-        strip: The strip.
-        fit: The shaft's line.
-        tip_px: The apparent tip, inside the globe.
-        px_per_mm: Scale.
-    """
-    return _is_left(strip, fit, tip_px, px_per_mm, MIN_LEFT_SOFT)
 
 
 def fades_beyond(
@@ -53,7 +36,9 @@ def fades_beyond(
         until_px: How far along the strip there is contrast.
         px_per_mm: Scale.
     """
-    if until_px - tip_px > MAX_POINT_MM * px_per_mm or not has_profile_beyond(strip, fit, tip_px, px_per_mm):
+    if until_px - tip_px > MAX_POINT_MM * px_per_mm:
+        return False
+    if not profile_continues(strip, fit, tip_px, px_per_mm, softly=True):
         return False
     third_px = (until_px - tip_px) / 3
     starts_px = tip_px, until_px - third_px
@@ -63,7 +48,9 @@ def fades_beyond(
     return last < MAX_EVEN * first
 
 
-def profile_continues(strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: float) -> bool:
+def profile_continues(
+    strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: float, *, softly: bool = False
+) -> bool:
     """Return whether the shaft's profile continues beyond an apparent tip without a drop.
 
     Args:
@@ -71,8 +58,11 @@ def profile_continues(strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per
         fit: The shaft's line.
         tip_px: The apparent tip, inside the globe.
         px_per_mm: Scale.
+        softly: Whether a quarter of what is before the tip suffices, which few shadows have.
     """
-    return _is_left(strip, fit, tip_px, px_per_mm, MIN_LEFT)
+    share, sd = _share(strip, fit, tip_px, _close(strip, tip_px, *BEYOND), px_per_mm)
+    before, _ = _share(strip, fit, tip_px, _close(strip, tip_px, *BEFORE), px_per_mm)
+    return share > max(MIN_SHARE, MIN_SNR * sd, (MIN_LEFT_SOFT if softly else MIN_LEFT) * before)
 
 
 def faint_rest_px(
@@ -94,12 +84,6 @@ def faint_rest_px(
     before, _ = _share(strip, fit, tip_px, _close(strip, tip_px, *BEFORE), px_per_mm)
     is_clear = min(share, before) > MIN_SNR * sd > 0
     return rest_px * min(share / (MIN_LEFT * before), 1.0) if is_clear else 0.0
-
-
-def _is_left(strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: float, least: float) -> bool:
-    share, sd = _share(strip, fit, tip_px, _close(strip, tip_px, *BEYOND), px_per_mm)
-    before, _ = _share(strip, fit, tip_px, _close(strip, tip_px, *BEFORE), px_per_mm)
-    return share > max(MIN_SHARE, MIN_SNR * sd, least * before)
 
 
 def _part(strip: RectifiedStrip, from_px: float, until_px: float) -> slice:

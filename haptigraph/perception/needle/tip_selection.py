@@ -16,12 +16,7 @@ from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import TipEstimate, may_reach_wall
 from haptigraph.perception.needle.rectify import EyeGeometry, Line, RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
-from haptigraph.perception.needle.shaft_profile import (
-    fades_beyond,
-    faint_rest_px,
-    has_profile_beyond,
-    profile_continues,
-)
+from haptigraph.perception.needle.shaft_profile import fades_beyond, faint_rest_px, profile_continues
 from haptigraph.perception.needle.sharp_tip import (
     MAX_DIM_PX,
     MIN_DIM_PX,
@@ -247,7 +242,8 @@ class TipSelector:
             return None
         if fades_beyond(strip, fit, end.u_px, tip.u_px, self._eye.px_per_mm):
             return None
-        end = replace(end, is_known=not has_profile_beyond(strip, fit, end.u_px, self._eye.px_per_mm))
+        may_go_on = profile_continues(strip, fit, end.u_px, self._eye.px_per_mm, softly=True)
+        end = replace(end, is_known=not may_go_on)
         step = self._refine(image, detection, end, end.u_px)
         return step if step and abs(step.u_px - end.u_px) < SHARP_END_PX else end
 

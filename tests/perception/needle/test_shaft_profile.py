@@ -5,12 +5,7 @@ from drawn_strip import END_PX, LANES, NOISE_GREY, SHADOW, U_PX, blurred, needle
 from haptigraph.perception.native.strip import profile_share
 from haptigraph.perception.needle.rectify import STATION_PX
 from haptigraph.perception.needle.shaft_line import fit_line
-from haptigraph.perception.needle.shaft_profile import (
-    fades_beyond,
-    faint_rest_px,
-    has_profile_beyond,
-    profile_continues,
-)
+from haptigraph.perception.needle.shaft_profile import fades_beyond, faint_rest_px, profile_continues
 
 PX_PER_MM = 20.0
 SHAFT = slice(30, 70)  # stations
@@ -79,7 +74,7 @@ def test_a_soft_point_has_the_profile_of_its_shaft_and_fades(grey):
 @pytest.mark.parametrize("rest_px", [30.0, 80.0])
 def test_an_even_rest_is_a_shadow_however_much_of_the_profile_it_has(rest_px):
     drawn, fit = seen(soft_point(rest_px, -30.0))
-    assert has_profile_beyond(drawn, fit, END_PX, PX_PER_MM)
+    assert profile_continues(drawn, fit, END_PX, PX_PER_MM, softly=True)
     assert not fades_beyond(drawn, fit, END_PX, END_PX + rest_px, PX_PER_MM)
 
 
@@ -91,7 +86,7 @@ def test_a_long_rest_is_a_shadow_though_it_fades():
 def test_a_soft_shadow_that_fades_has_not_the_profile_of_the_shaft():
     shadow = -15.0 * (SHADOW - SHADOW.mean()) * ((END_PX + 30 >= U_PX) & (U_PX > END_PX))
     drawn, fit = seen(fading(needle(3.0) + shadow, 30.0))
-    assert not has_profile_beyond(drawn, fit, END_PX, PX_PER_MM)
+    assert not profile_continues(drawn, fit, END_PX, PX_PER_MM, softly=True)
     assert not fades_beyond(drawn, fit, END_PX, END_PX + 30, PX_PER_MM)
 
 
