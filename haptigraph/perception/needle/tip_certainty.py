@@ -63,12 +63,11 @@ def with_certainty(
         EDGELESS_SHARE * edgeless_px,
         px_per_mm * FADING_MM * min(max(behind_grey / max(point_grey, 1.0) - 1, 0.0), MAX_FADING),
         px_per_mm * NOISE_MM * (strip.noise_grey + TEXTURE_GREY) / contrast_grey,
-        rest_px,
         px_per_mm * WALL_MM if _is_near_wall(strip, tip.u_px, NEAR_WALL_MM * px_per_mm) else 0.0,
     )
     continues = until_px > tip.u_px and beyond_grey > max(MAX_SHADOW * behind_grey, noise_grey)
     is_certain = math.hypot(tip.sd_px, shift_sd_px) <= MAX_SD_MM * px_per_mm
-    return replace(tip, shift_sd_px=shift_sd_px, is_known=tip.is_known and is_certain and not continues)
+    return replace(tip, shift_sd_px=math.hypot(shift_sd_px, rest_px), is_known=is_certain and not continues)
 
 
 def outside_globe(tip: TipEstimate, px_per_mm: float) -> TipEstimate:

@@ -242,8 +242,6 @@ class TipSelector:
             return None
         if fades_beyond(strip, fit, end.u_px, tip.u_px, self._eye.px_per_mm):
             return None
-        may_go_on = profile_continues(strip, fit, end.u_px, self._eye.px_per_mm, softly=True)
-        end = replace(end, is_known=not may_go_on)
         step = self._refine(image, detection, end, end.u_px)
         return step if step and abs(step.u_px - end.u_px) < SHARP_END_PX else end
 
