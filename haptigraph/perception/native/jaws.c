@@ -10,9 +10,8 @@
 
 #define LEVEL 0.45 /* of the shaft's contrast; its shadow has less */
 #define MIN_CONTRAST_GREY 12.0
-#define MAX_CHROMA_GREY \
-    28                 /* of metal, between the strongest and the weakest colour; tissue and dye have more */
-#define END_STATIONS 3 /* at the end of a jaw, whose middle is its tip */
+#define MAX_CHROMA_GREY 28 /* of metal, between its strongest and weakest colour; dye has more */
+#define END_STATIONS 3     /* at the end of a jaw, whose middle is its tip */
 
 /* Write how much a lane differs from the background, times the patch's light. */
 static void differences(const JawPatch *patch, int lane, int count, float *restrict differs) {

@@ -141,8 +141,8 @@ VECTORS EXPORT void mark_stains(const uint8_t *image, ptrdiff_t width, int rows,
     uint8_t is_first[3 * RUN];
     for (int at = 0; at < 3 * RUN; at++) is_first[at] = at % 3 ? 0 : 255;
     *dyed = *bloody = (Marked){0, rows, -1, columns, -1};
-    memset(dye, 0, (size_t)(rows * (ptrdiff_t)columns)),
-        memset(blood, 0, (size_t)(rows * (ptrdiff_t)columns));
+    memset(dye, 0, (size_t)(rows * (ptrdiff_t)columns));
+    memset(blood, 0, (size_t)(rows * (ptrdiff_t)columns));
     for (int row = 0; row < rows; row++, spans += 2) {
         const int end = spans[1] < columns ? spans[1] : columns;
         for (int start = spans[0] > 0 ? spans[0] : 0; start < end; start += RUN) {

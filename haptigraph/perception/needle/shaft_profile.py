@@ -11,7 +11,7 @@ from haptigraph.perception.native.strip import profile_share
 from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
 
-__all__ = ["fades_beyond", "faint_rest_px", "profile_continues"]
+__all__ = ["ShaftProfile"]
 
 # From the tip: where the profile is measured; the second if too little of the first is inside the globe.
 SHAFTS_MM = (-4.5, -1.2), (-2.0, -0.3)
@@ -24,86 +24,73 @@ MAX_POINT_MM, MAX_EVEN = 2.0, 0.5  # length of a soft point, and share of its pr
 MAX_FAINT_MM = 0.4  # a longer rest is a shadow
 
 
-def fades_beyond(
-    strip: RectifiedStrip, fit: LineFit, tip_px: float, until_px: float, px_per_mm: float
-) -> bool:
-    """Return whether what is beyond an apparent tip has the shaft's profile, and fades: a shadow is even.
+class ShaftProfile:
+    """What is left of a shaft's profile beyond an apparent tip.
 
     Args:
         strip: The strip.
         fit: The shaft's line.
-        tip_px: The apparent tip, inside the globe.
-        until_px: How far along the strip there is contrast.
         px_per_mm: Scale.
     """
-    if until_px - tip_px > MAX_POINT_MM * px_per_mm:
-        return False
-    if not profile_continues(strip, fit, tip_px, px_per_mm, softly=True):
-        return False
-    third_px = (until_px - tip_px) / 3
-    starts_px = tip_px, until_px - third_px
-    first, last = (
-        _share(strip, fit, tip_px, _part(strip, px, px + third_px), px_per_mm)[0] for px in starts_px
-    )
-    return last < MAX_EVEN * first
 
+    def __init__(self, strip: RectifiedStrip, fit: LineFit, px_per_mm: float) -> None:
+        self._strip, self._fit, self._px_per_mm = strip, fit, px_per_mm
 
-def profile_continues(
-    strip: RectifiedStrip, fit: LineFit, tip_px: float, px_per_mm: float, *, softly: bool = False
-) -> bool:
-    """Return whether the shaft's profile continues beyond an apparent tip without a drop.
+    def continues(self, tip_px: float, *, softly: bool = False) -> bool:
+        """Return whether the profile continues beyond an apparent tip without a drop.
 
-    Args:
-        strip: The strip.
-        fit: The shaft's line.
-        tip_px: The apparent tip, inside the globe.
-        px_per_mm: Scale.
-        softly: Whether a quarter of what is before the tip suffices, which few shadows have.
-    """
-    share, sd = _share(strip, fit, tip_px, _close(strip, tip_px, *BEYOND), px_per_mm)
-    before, _ = _share(strip, fit, tip_px, _close(strip, tip_px, *BEFORE), px_per_mm)
-    return share > max(MIN_SHARE, MIN_SNR * sd, (MIN_LEFT_SOFT if softly else MIN_LEFT) * before)
+        Args:
+            tip_px: The apparent tip, inside the globe.
+            softly: Whether a quarter of what is before the tip suffices, which few shadows have.
+        """
+        share, sd = self._share(tip_px, self._close(tip_px, *BEYOND))
+        before, _ = self._share(tip_px, self._close(tip_px, *BEFORE))
+        return share > max(MIN_SHARE, MIN_SNR * sd, (MIN_LEFT_SOFT if softly else MIN_LEFT) * before)
 
+    def fades(self, tip_px: float, until_px: float) -> bool:
+        """Return whether what is beyond an apparent tip has the profile, and fades: a shadow is even.
 
-def faint_rest_px(
-    strip: RectifiedStrip, fit: LineFit, tip_px: float, until_px: float, px_per_mm: float
-) -> float:
-    """Return how far a point may reach beyond an apparent tip, by the profile of what faintly continues it.
+        Args:
+            tip_px: The apparent tip, inside the globe.
+            until_px: How far along the strip there is contrast.
+        """
+        if until_px - tip_px > MAX_POINT_MM * self._px_per_mm or not self.continues(tip_px, softly=True):
+            return False
+        third_px = (until_px - tip_px) / 3
+        starts_px = tip_px, until_px - third_px
+        first, last = (self._share(tip_px, self._between(px, px + third_px))[0] for px in starts_px)
+        return last < MAX_EVEN * first
 
-    Args:
-        strip: The strip.
-        fit: The shaft's line.
-        tip_px: The apparent tip, inside the globe.
-        until_px: How far along the strip there is contrast.
-        px_per_mm: Scale.
-    """
-    rest_px = until_px - tip_px
-    if not 0 < rest_px <= MAX_FAINT_MM * px_per_mm:
-        return 0.0
-    share, sd = _share(strip, fit, tip_px, _part(strip, tip_px, until_px), px_per_mm)
-    before, _ = _share(strip, fit, tip_px, _close(strip, tip_px, *BEFORE), px_per_mm)
-    is_clear = min(share, before) > MIN_SNR * sd > 0
-    return rest_px * min(share / (MIN_LEFT * before), 1.0) if is_clear else 0.0
+    def faint_rest_px(self, tip_px: float, until_px: float) -> float:
+        """Return how far a point may reach beyond an apparent tip, by the profile of its faint rest.
 
+        Args:
+            tip_px: The apparent tip, inside the globe.
+            until_px: How far along the strip there is contrast.
+        """
+        rest_px = until_px - tip_px
+        if not 0 < rest_px <= MAX_FAINT_MM * self._px_per_mm:
+            return 0.0
+        share, sd = self._share(tip_px, self._between(tip_px, until_px))
+        before, _ = self._share(tip_px, self._close(tip_px, *BEFORE))
+        is_clear = min(share, before) > MIN_SNR * sd > 0
+        return rest_px * min(share / (MIN_LEFT * before), 1.0) if is_clear else 0.0
 
-def _part(strip: RectifiedStrip, from_px: float, until_px: float) -> slice:
-    return slice(*(int(strip.u_px.searchsorted(px, "right")) for px in (from_px, until_px)))
+    def _between(self, from_px: float, until_px: float) -> slice:
+        return slice(*(int(self._strip.u_px.searchsorted(px, "right")) for px in (from_px, until_px)))
 
+    def _close(self, tip_px: float, start: int, stop: int) -> slice:
+        tip = int(self._strip.u_px.searchsorted(tip_px))
+        return slice(max(tip + start, 0), max(tip + stop, 0))
 
-def _close(strip: RectifiedStrip, tip_px: float, start: int, stop: int) -> slice:
-    tip = int(strip.u_px.searchsorted(tip_px))
-    return slice(max(tip + start, 0), max(tip + stop, 0))
-
-
-def _share(
-    strip: RectifiedStrip, fit: LineFit, tip_px: float, part: slice, px_per_mm: float
-) -> tuple[float, float]:
-    """Return how much some stations show of the profile before a tip, and its standard deviation."""
-    tip = int(strip.u_px.searchsorted(tip_px))
-    reach_px = math.ceil(fit.width_px / 2) + REACH_PX
-    for from_mm, until_mm in SHAFTS_MM:
-        start = max(tip + round(from_mm * px_per_mm / STATION_PX), strip.inside.start)
-        stop = tip + round(until_mm * px_per_mm / STATION_PX)
-        if stop - start >= MIN_SHAFT:
-            return profile_share(strip, fit.offset_px, fit.slope, reach_px, slice(start, stop), part)
-    return 0.0, 0.0
+    def _share(self, tip_px: float, part: slice) -> tuple[float, float]:
+        """Return how much some stations show of the profile before a tip, and its standard deviation."""
+        strip, fit = self._strip, self._fit
+        tip = int(strip.u_px.searchsorted(tip_px))
+        reach_px = math.ceil(fit.width_px / 2) + REACH_PX
+        for from_mm, until_mm in SHAFTS_MM:
+            start = max(tip + round(from_mm * self._px_per_mm / STATION_PX), strip.inside.start)
+            stop = tip + round(until_mm * self._px_per_mm / STATION_PX)
+            if stop - start >= MIN_SHAFT:
+                return profile_share(strip, fit.offset_px, fit.slope, reach_px, slice(start, stop), part)
+        return 0.0, 0.0

@@ -16,7 +16,7 @@ from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import TipEstimate, may_reach_wall
 from haptigraph.perception.needle.rectify import EyeGeometry, Line, RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
-from haptigraph.perception.needle.shaft_profile import fades_beyond, faint_rest_px, profile_continues
+from haptigraph.perception.needle.shaft_profile import ShaftProfile
 from haptigraph.perception.needle.sharp_tip import (
     MAX_DIM_PX,
     MIN_DIM_PX,
@@ -143,7 +143,7 @@ class TipSelector:
         """Return the end of a shaft whose profile continues beyond a contrast step; None if it does not."""
         if tip.where != "inside" or tip.u_px - step.u_px <= NEAR_PX:
             return None
-        if not profile_continues(detection.candidate.strip, detection.fit, step.u_px, self._eye.px_per_mm):
+        if not self._profile(detection).continues(step.u_px):
             return None
         end = self._refine(image, detection, tip, tip.u_px)
         return end if end and end.u_px > step.u_px else None
@@ -231,19 +231,22 @@ class TipSelector:
         if tip.where != "inside":
             return tip
         until_px, edges_end_px = detection.candidate.tip.u_px, detection.edges_end_px
-        rest_px = faint_rest_px(strip, fit, tip.u_px, until_px, self._eye.px_per_mm)
+        rest_px = self._profile(detection).faint_rest_px(tip.u_px, until_px)
         return with_certainty(strip, tip, until_px, edges_end_px, fit.blur_px, self._eye.px_per_mm, rest_px)
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:
         """Return the end of a shaft that its shadow continues, None if none does."""
-        strip, fit = detection.candidate.strip, detection.fit
+        strip = detection.candidate.strip
         end = sharp_end(strip, tip) if tip.where == "inside" else None
         if end is None or _continues_colored(strip, end, tip.u_px):
             return None
-        if fades_beyond(strip, fit, end.u_px, tip.u_px, self._eye.px_per_mm):
+        if self._profile(detection).fades(end.u_px, tip.u_px):
             return None
         step = self._refine(image, detection, end, end.u_px)
         return step if step and abs(step.u_px - end.u_px) < SHARP_END_PX else end
+
+    def _profile(self, detection: Detection) -> ShaftProfile:
+        return ShaftProfile(detection.candidate.strip, detection.fit, self._eye.px_per_mm)
 
     def dim_point(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:
         """Return the end of a point that gets dim before its end, None if it does not."""

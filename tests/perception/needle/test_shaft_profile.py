@@ -5,7 +5,7 @@ from drawn_strip import END_PX, LANES, NOISE_GREY, SHADOW, U_PX, blurred, needle
 from haptigraph.perception.native.strip import profile_share
 from haptigraph.perception.needle.rectify import STATION_PX
 from haptigraph.perception.needle.shaft_line import fit_line
-from haptigraph.perception.needle.shaft_profile import fades_beyond, faint_rest_px, profile_continues
+from haptigraph.perception.needle.shaft_profile import ShaftProfile
 
 PX_PER_MM = 20.0
 SHAFT = slice(30, 70)  # stations
@@ -68,51 +68,51 @@ def fading(rest, rest_px: float):
 @pytest.mark.parametrize("grey", [-20.0, -30.0])
 def test_a_soft_point_has_the_profile_of_its_shaft_and_fades(grey):
     drawn, fit = seen(fading(soft_point(30.0, grey), 30.0))
-    assert fades_beyond(drawn, fit, END_PX, END_PX + 30, PX_PER_MM)
+    assert ShaftProfile(drawn, fit, PX_PER_MM).fades(END_PX, END_PX + 30)
 
 
 @pytest.mark.parametrize("rest_px", [30.0, 80.0])
 def test_an_even_rest_is_a_shadow_however_much_of_the_profile_it_has(rest_px):
     drawn, fit = seen(soft_point(rest_px, -30.0))
-    assert profile_continues(drawn, fit, END_PX, PX_PER_MM, softly=True)
-    assert not fades_beyond(drawn, fit, END_PX, END_PX + rest_px, PX_PER_MM)
+    assert ShaftProfile(drawn, fit, PX_PER_MM).continues(END_PX, softly=True)
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).fades(END_PX, END_PX + rest_px)
 
 
 def test_a_long_rest_is_a_shadow_though_it_fades():
     drawn, fit = seen(fading(soft_point(80.0, -30.0), 80.0))
-    assert not fades_beyond(drawn, fit, END_PX, END_PX + 80, PX_PER_MM)
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).fades(END_PX, END_PX + 80)
 
 
 def test_a_soft_shadow_that_fades_has_not_the_profile_of_the_shaft():
     shadow = -15.0 * (SHADOW - SHADOW.mean()) * ((END_PX + 30 >= U_PX) & (U_PX > END_PX))
     drawn, fit = seen(fading(needle(3.0) + shadow, 30.0))
-    assert not profile_continues(drawn, fit, END_PX, PX_PER_MM, softly=True)
-    assert not fades_beyond(drawn, fit, END_PX, END_PX + 30, PX_PER_MM)
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).continues(END_PX, softly=True)
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).fades(END_PX, END_PX + 30)
 
 
 def test_a_profile_continues_where_it_does_not_drop():
     drawn, fit = seen(needle(3.0))
-    assert profile_continues(drawn, fit, END_PX - 20, PX_PER_MM)
-    assert not profile_continues(drawn, fit, END_PX, PX_PER_MM)
+    assert ShaftProfile(drawn, fit, PX_PER_MM).continues(END_PX - 20)
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).continues(END_PX)
     hard_shadow, fit = seen(needle(3.0) + needle(3.0, END_PX + 60, -12.0) * (U_PX > END_PX))
-    assert not profile_continues(hard_shadow, fit, END_PX, PX_PER_MM)
+    assert not ShaftProfile(hard_shadow, fit, PX_PER_MM).continues(END_PX)
 
 
 def test_a_faint_rest_leaves_its_length_open_and_a_clear_end_nothing():
     drawn, fit = seen(soft_point(7.0, -25.0))
-    assert faint_rest_px(drawn, fit, END_PX, END_PX + 7, PX_PER_MM) > 3.5
+    assert ShaftProfile(drawn, fit, PX_PER_MM).faint_rest_px(END_PX, END_PX + 7) > 3.5
     clear, fit = seen(needle(3.0))
-    assert faint_rest_px(clear, fit, END_PX, END_PX + 7, PX_PER_MM) < 1.0
+    assert ShaftProfile(clear, fit, PX_PER_MM).faint_rest_px(END_PX, END_PX + 7) < 1.0
 
 
 def test_a_long_faint_rest_is_a_shadow():
     drawn, fit = seen(soft_point(40.0))
-    assert faint_rest_px(drawn, fit, END_PX, END_PX + 40, PX_PER_MM) == 0.0
+    assert ShaftProfile(drawn, fit, PX_PER_MM).faint_rest_px(END_PX, END_PX + 40) == 0.0
 
 
 def test_a_shaft_too_short_to_have_a_profile_says_nothing():
     drawn = strip(needle(3.0, 14.0))
     _, fit = seen(needle(3.0))
-    assert not fades_beyond(drawn, fit, 14.0, 20.0, PX_PER_MM)
-    assert not profile_continues(drawn, fit, 14.0, PX_PER_MM)
-    assert faint_rest_px(drawn, fit, 14.0, 20.0, PX_PER_MM) == 0.0
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).fades(14.0, 20.0)
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).continues(14.0)
+    assert ShaftProfile(drawn, fit, PX_PER_MM).faint_rest_px(14.0, 20.0) == 0.0

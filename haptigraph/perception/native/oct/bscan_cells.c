@@ -44,8 +44,7 @@ VECTORS EXPORT void sum_squares(const uint8_t *image, int width, int across, int
     }
 }
 
-/* Write where the cells along a side of the image begin, in 256ths of a pixel, and where the last one ends.
- */
+/* Write where the cells along a side begin, in 256ths of a pixel, and where the last one ends. */
 static void write_edges(double size_px, int count, int32_t *edges) {
     for (int cell = 0; cell <= count; cell++) edges[cell] = (int32_t)floor(256 * size_px * cell + 0.5);
 }
