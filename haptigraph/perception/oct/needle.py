@@ -76,6 +76,8 @@ class NeedleConstants(NamedTuple):
     """Of the typical contrast, for metal before the shadow's edge."""
     agreeing_sds: int = 4
     """Of the shadow's edge, by which the metal's end may move the tip."""
+    soft_edge_mm: float = 0.016
+    """Lateral; what is bright further beyond the shadow's edge is a floater on the tip."""
     differing_sds: float = 1.25
     """By which the shadow's edge may be further on below the surface than at it, without a vessel."""
     end_sd_mm: float = 0.03
@@ -208,7 +210,7 @@ def _at_edge(scan: ScanImage, shaft: Shaft, edge: Edge, on_line: Vec, ilm_y: flo
     slope = abs(ridge.line.along_px[1] / (ridge.line.along_px[0] or 1e-9))
     if y < ilm_y:
         is_clear = y < ilm_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm
-        in_metal, at, is_spot = _within_metal(shaft, edge) if is_clear else (edge, on_line, False)
+        in_metal, at, is_spot = _within_metal(scan, shaft, edge) if is_clear else (edge, on_line, False)
         is_earlier = 0 < ridge.side * (x - at[0]) <= CONSTANTS.agreeing_sds * edge.sd_px
         drop = drop_in_vitreous(scan, at if is_earlier else on_line, ilm_y, shaft.typical_grey)
         if is_spot or edge.sd_px * scan.scale.lateral_mm > CONSTANTS.certain_mm:
@@ -222,7 +224,7 @@ def _at_edge(scan: ScanImage, shaft: Shaft, edge: Edge, on_line: Vec, ilm_y: flo
     return Needle(ridge, (x, y + drop.rows), sd_px, shaft.share)
 
 
-def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec, bool]:
+def _within_metal(scan: ScanImage, shaft: Shaft, edge: Edge) -> tuple[Edge, Vec, bool]:
     """Return an edge and the tip on the shaft's line, where the metal's brightness allows both.
 
     Return, too, whether the tip is a spot of its own, so that another one below it is none.
@@ -244,17 +246,28 @@ def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec, bool]:
     inside = min(max(at, end - beyond), end)
     moved_px = abs(inside - at) * column_px
     differs = moved_px > CONSTANTS.agreeing_sds * edge.sd_px
-    if differs:
-        inside = at if at < inside else end - beyond / 2
+    if differs and at > inside:
+        inside = end - beyond / 2
+    elif differs and moved_px * scan.scale.lateral_mm > CONSTANTS.soft_edge_mm:
+        inside = at
     edge = edge._replace(sd_px=max(edge.sd_px, moved_px / 2))
     return edge, ridge.at_px(inside), is_spot and not differs
 
 
 def _last_bright(shaft: Shaft, at_steps: float) -> int:
-    """Return the last step, to just beyond the shadow's edge, that is as bright as metal; -1 if none is."""
-    stop = max(round(at_steps + CONSTANTS.near_mm / STEP_MM) + 1, 0)
-    back = shaft.ridge.line.contrast_grey[:stop][::-1] > CONSTANTS.bright_share * shaft.typical_grey
-    return len(back) - 1 - int(back.argmax()) if back.any() else -1
+    """Return the last step of metal, up to just beyond the shadow's edge; -1 if there is none.
+
+    Where the metal ends beyond the edge, what is bright behind a gap is a floater.
+    """
+    at, near = round(at_steps), round(CONSTANTS.near_mm / STEP_MM)
+    is_bright = shaft.ridge.line.contrast_grey[: max(at + near + 1, 0)] > (
+        CONSTANTS.bright_share * shaft.typical_grey
+    )
+    if not is_bright.any():
+        return -1
+    if 0 <= at < len(is_bright) and is_bright[at] and not is_bright[at:].all():
+        return at + int(is_bright[at:].argmin()) - 1
+    return len(is_bright) - 1 - int(is_bright[::-1].argmax())
 
 
 def _is_spot(line: RidgeLine, peak: int) -> bool:

@@ -40,7 +40,7 @@ class RidgeConstants(NamedTuple):
     inlier_mm: float = 0.0075
     """From the line, of the ridge's centre."""
     gap_mm: float = 0.12
-    run_mm: float = 0.14
+    run_mm: float = 0.1
     """A longer gap ends a ridge, after a run of this length."""
     beyond_mm: float = 0.45
     """Kept beyond the end of a ridge."""

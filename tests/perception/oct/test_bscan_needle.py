@@ -119,6 +119,10 @@ def test_above_the_retina_the_tip_is_exact_and_the_line_runs_along_the_shaft(sco
         pytest.param(24, 7023, {"vessels": 8, "vessel_db": 14.0}, id="a gap before the bevel's point"),
         pytest.param(24, 33033, {"bevel_px": 45.0, "gap_db": 20.0}, id="a floater beside the shaft"),
         pytest.param(6, 47023, {"tilt_deg": 12.0}, id="a floater below the bevel's point"),
+        pytest.param(30, 34003, {"tilt_deg": 0.0}, id="a ghost that meets a short shaft"),
+        pytest.param(42, 87023, {"vessels": 8, "vessel_db": 14.0}, id="a floater in line with the tip"),
+        pytest.param(30, 16123, {"vessels": 8, "vessel_db": 14.0}, id="haze in line with the tip"),
+        pytest.param(36, 21023, {"vessels": 8, "vessel_db": 14.0}, id="a soft edge before the spot's end"),
     ],
 )
 def test_above_the_retina_the_tip_is_exact_beside(number, seed, fixed):
@@ -228,6 +232,8 @@ def test_a_scan_of_another_resolution_has_the_same_lengths(factor):
         pytest.param(42, 1033, {"signal_db": -6.0}, id="the same in noise"),
         pytest.param(199, 13, {}, id="a floater below the tip"),
         pytest.param(160, 613, {}, id="a faint end of the RPE"),
+        pytest.param(13, 34003, {"vessels": 0}, id="a bent end of the RPE"),
+        pytest.param(54, 1023, {"vessels": 8, "vessel_db": 14.0}, id="a short shaft at the border"),
     ],
 )
 def test_a_difficult_scan_of_another_resolution_has_the_same_lengths(number, seed, fixed, factor):
@@ -237,13 +243,27 @@ def test_a_difficult_scan_of_another_resolution_has_the_same_lengths(number, see
     assert tip_mm <= 0.012
 
 
-def test_a_tip_in_tissue_is_not_known_where_its_line_shows_no_metal_above_it():
-    scene = random_scene(54, 1023, vessels=8, vessel_db=14.0)
-    small = cv2.resize(scene.take().image, (358, 358), interpolation=cv2.INTER_AREA)
-    observation = perceiver_of(scene, (358, 358))[0](Capture(0, 0, small))
-    assert "needle_line" in observation.found  # but at another angle than the shaft's
+@pytest.mark.parametrize("number", range(2, 8))
+def test_a_tip_in_tissue_is_not_known_where_its_line_shows_no_metal_above_it(number):
+    scene = random_scene(number, 1023, place="inside")
+    scan, (perceive, _) = scene.take(), perceiver_of(scene)
+    assert "needle_tip" in perceive(Capture(0, 0, scan.image)).found
+    observation = perceive(Capture(0, 0, without_metal(scan, 0.56 / scene.scan.axial_mm_per_px)))
+    assert "needle_line" in observation.found
     assert "needle_tip" not in observation.found
     assert observation.certainty.tip_sd_mm is None
+
+
+def without_metal(scan, rows):
+    """The B-scan without its needle above the ILM, in so many rows, which are as dark as those beside it."""
+    (tip_x, tip_y), needle = scan.truth.needle.tip_px, scan.truth.needle
+    height, width = scan.image.shape
+    x, y = np.meshgrid(np.arange(float(width)), np.arange(float(height)))
+    ilm_y = scan.truth.ilm_px[round(tip_x)]
+    _, across = needle.along_and_across(x, y)
+    gone = (abs(across) < 12) & (abs(y - ilm_y) < rows) & (y < min(ilm_y + 2, tip_y))
+    dark = np.roll(scan.image, round(-60 * math.copysign(1, needle.along_px[0])), axis=1)
+    return np.where(gone, dark, scan.image)
 
 
 @pytest.mark.parametrize("scenes", [4, pytest.param(30, marks=pytest.mark.slow)])

@@ -12,14 +12,25 @@ typedef struct {
     int count;
 } Line;
 
-/* Return the row of a surface beyond its visible part, by the slope of its last columns there, if it has so
-   many: the `number` of its visible columns, first to last. */
-static double beyond(const Columns *surface, const int *seen, int number, const LineLimits *limits,
-                     double x_px) {
+/* Return the row of a surface beyond its visible part, parallel to the line above it or, without one, by the
+   slope of its last columns there, if it has so many: the `number` of its visible columns, first to last. */
+static double beyond(const Columns *surface, const Line *above, const int *seen, int number,
+                     const LineLimits *limits, double x_px) {
     const int slope_columns = limits->slope_columns;
     const int after = x_px > surface->x_px[seen[number - 1]];
     const int *end = seen + (after ? number - slope_columns : 0);
     if (number <= slope_columns) return surface->row_px[seen[after ? number - 1 : 0]];
+    if (above->count) {
+        double sum = 0, total = 0;
+        for (int one = 0; one < slope_columns; one++) {
+            const int at = end[one];
+            const double weight = surface->sd_px ? 1 / maximum(square(surface->sd_px[at]), 1e-9) : 1;
+            const double row = between(above->x_px, above->row_px, above->count, surface->x_px[at]);
+            sum += weight * (surface->row_px[at] - row);
+            total += weight;
+        }
+        return between(above->x_px, above->row_px, above->count, x_px) + sum / total;
+    }
     double x_mean = 0, row_mean = 0, product = 0, spread = 0;
     for (int one = 0; one < slope_columns; one++) {
         x_mean += surface->x_px[end[one]] / slope_columns;
@@ -45,8 +56,9 @@ static void add(Line *line, double x_px, double row_px, double sd_px, int is_vis
 }
 
 /* Write a surface from its first to its last visible column, extended to the tip; nothing if that is too far
-   from what is visible. `seen` has a value per column. */
-static void trace(const Columns *surface, const LineLimits *limits, int *seen, Line *line) {
+   from what is visible. The line above it may be empty. `seen` has a value per column. */
+static void trace(const Columns *surface, const Line *above, const LineLimits *limits, int *seen,
+                  Line *line) {
     int number = 0, next = 0;
     double nearest_px = INFINITY;
     for (int column = 0; column < surface->count; column++) {
@@ -61,7 +73,7 @@ static void trace(const Columns *surface, const LineLimits *limits, int *seen, L
     const double before = limits->tip_px - limits->beyond_px, after = limits->tip_px + limits->beyond_px;
     const int goes_before = x[first] > before;
     if (goes_before)
-        add(line, before, beyond(surface, seen, number, limits, before),
+        add(line, before, beyond(surface, above, seen, number, limits, before),
             uncertain(sd ? sd[first] : NAN, limits, x[first] - before), 0);
     for (int column = first; column <= last; column++) {
         if (surface->is_visible[column]) {
@@ -77,7 +89,7 @@ static void trace(const Columns *surface, const LineLimits *limits, int *seen, L
             uncertain(sd_px, limits, minimum(off, rest)), 0);
     }
     if (!goes_before && after > x[last])
-        add(line, after, beyond(surface, seen, number, limits, after),
+        add(line, after, beyond(surface, above, seen, number, limits, after),
             uncertain(sd ? sd[last] : NAN, limits, after - x[last]), 0);
 }
 
@@ -117,8 +129,9 @@ EXPORT int surface_lines(const Columns *ilm, const Columns *rpe, const LineLimit
     uint8_t *visible = (uint8_t *)(seen + columns);
     Line lines[2] = {{memory, memory + room, memory + 2 * room, visible, 0},
                      {memory + 3 * room, memory + 4 * room, memory + 5 * room, visible + room, 0}};
+    const Line none = {0};
     for (int number = 0; number < 2; number++) {
-        trace(number ? rpe : ilm, limits, seen, lines + number);
+        trace(number ? rpe : ilm, number ? lines : &none, limits, seen, lines + number);
         write_line(lines + number, limits, points_mm + 2 * number * room, sds_mm + number * room);
         counts[number] = lines[number].count;
         counts[2 + number] = write_ranges(lines + number, limits, ranges_mm + 2 * number * columns);

@@ -281,7 +281,10 @@ static int refine(const Picture *picture, const RidgeSearch *search, int longest
         const int is_cut = seen + every <= length && last + search->beyond / 2 > seen;
         longest = last + search->beyond;
         /* a strip that was cut ended with the ridge; one that moved may have lost it at its far end */
-        if (!is_cut && (every == 1 || moved <= CORE_STEPS / 2.0 || ++turns >= TURNS)) every -= 2;
+        if (!is_cut && (moved <= CORE_STEPS / 2.0 || ++turns >= TURNS)) {
+            every -= 2;
+            turns = 0;
+        }
         const double x = line->start_px[0] - fit[0] * search->step_px * along.dy;
         const double y = line->start_px[1] + fit[0] * search->step_px * along.dx;
         const double length_of_turn = sqrt(1 + fit[1] * fit[1]);
