@@ -17,8 +17,8 @@ __all__ = ["Edge", "ShadowConstants", "find_shadow_edge"]
 class ShadowConstants(NamedTuple):
     """Constants of the search for the shadow's edge; lengths are lateral unless they say axial."""
 
-    margin_mm: float = 0.11
-    """The shadow's soft edge beside the shaft's end."""
+    margin_mm: float = 0.15
+    """From the shaft's end back into the shadow; the metal may be visible beyond the edge."""
     window_mm: float = 0.37
     """Searched beyond visible tissue, from the shaft's end on."""
     thick_mm: float = 0.35
