@@ -10,15 +10,20 @@ from haptigraph.perception.oct.scan_geometry import Layers, ObservationBuilder, 
 LATERAL_MM, AXIAL_MM = 0.0078, 0.0033
 
 
-def observation_of(tip_mm, factor=1.0, first_mm=0.0, last_mm=1.0, slope=0.2):
-    """A straight surface, visible from `first_mm` to `last_mm`, and a tip at a lateral distance from the first."""
+def observation_of(tip_mm, factor=1.0, first_mm=0.0, last_mm=1.0, slope=0.2, bent_mm=0.0):
+    """A straight surface, visible from `first_mm` to `last_mm`, and a tip at a lateral distance from the first.
+
+    The RPE's last 0.2 mm are bent downwards, by `bent_mm` at their end, and so much less certain.
+    """
     lateral_mm, axial_mm = LATERAL_MM / factor, AXIAL_MM / factor
     registration = registration_of(round(512 * factor), round(512 * factor), axial_mm, lateral_mm)
     x_mm = np.arange(0.02, 3.9, 0.04)
     ilm_px = (0.5 + slope * (x_mm - first_mm)) / axial_mm
     visible = (x_mm >= first_mm) & (x_mm <= last_mm)
     sd_px = np.full(len(x_mm), 0.005 / axial_mm)
-    layers = Layers(x_mm / lateral_mm, ilm_px, visible, ilm_px + 0.3 / axial_mm, visible, sd_px, sd_px)
+    deeper_px = bent_mm * np.clip((x_mm - last_mm) / 0.2 + 1, 0, 1) / axial_mm
+    rpe_px, rpe_sd_px = ilm_px + 0.3 / axial_mm + deeper_px, np.hypot(sd_px, deeper_px)
+    layers = Layers(x_mm / lateral_mm, ilm_px, visible, rpe_px, visible, sd_px, rpe_sd_px)
     shaft = Shaft((tip_mm / lateral_mm, 50.0), (0.0, 0.0), (0.6, 0.8), (1.0, 1.0), 0.1, 1.0)
     return ObservationBuilder(registration)(0, layers, shaft), registration.image
 
@@ -39,6 +44,15 @@ def test_a_surface_reaches_below_the_tip_and_is_less_certain_there(tip_mm):
     assert start_mm - y_mm == pytest.approx(0.2 * (tip_mm - 0.02), abs=0.012)
     assert sd_mm == pytest.approx(np.hypot(0.005, 0.07 * (tip_mm - 0.98)), abs=0.002)
     assert len(observation.interpolated["ilm"]) == 1
+
+
+@pytest.mark.parametrize("bent_mm", [0.0, 0.03])
+@pytest.mark.parametrize("tip_mm", [1.2, 1.42])
+def test_beyond_what_is_visible_the_rpe_is_parallel_to_the_ilm(tip_mm, bent_mm):
+    found = observation_of(tip_mm, bent_mm=bent_mm)[0].found
+    x_mm = found["needle_tip"].at_mm[0]
+    thickness_mm = height_on_polyline(x_mm, found["ilm"]) - height_on_polyline(x_mm, found["rpe"])
+    assert thickness_mm == pytest.approx(0.3, abs=0.01)  # by the slope of its end: 0.05 to 0.09 more
 
 
 @pytest.mark.parametrize("factor", [0.7, 1.5, 2.0])
