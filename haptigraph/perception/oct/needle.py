@@ -79,7 +79,7 @@ class NeedleConstants(NamedTuple):
     soft_edge_mm: float = 0.016
     """Lateral; what is bright further beyond the shadow's edge is a floater on the tip."""
     differing_sds: float = 1.25
-    """By which the shadow's edge may be further on below the surface than at it, without a vessel."""
+    """By which the shadow's edges at the surface and below it may differ without a vessel."""
     end_sd_mm: float = 0.03
     """Of the end of a ridge whose shadow falls on no tissue."""
 
@@ -187,13 +187,14 @@ def _with_tip(scan: ScanImage, shaft: Shaft, surfaces: Surfaces) -> Needle:
 def _beside_vessels(shaft: Shaft, deep: Edge, shallow: Edge) -> Edge:
     """Return the edge of the needle's shadow, from that at the surface and that below it.
 
-    The shadow of a vessel begins below the surface; there, the needle's may seem to go on.
+    The shadow of a vessel begins below the surface; there, the needle's may seem to go on, or to end early
+    beside tissue that is dimmer than the rest.
     """
     if not _has_metal(shaft, deep):
         return shallow
-    late_px = shaft.ridge.side * (deep.x_px - shallow.x_px)
-    if late_px > CONSTANTS.differing_sds * math.hypot(deep.sd_px, shallow.sd_px):
-        return shallow._replace(sd_px=max(shallow.sd_px, late_px / 4))
+    apart_px = abs(deep.x_px - shallow.x_px)
+    if apart_px > CONSTANTS.differing_sds * math.hypot(deep.sd_px, shallow.sd_px):
+        return shallow._replace(sd_px=max(shallow.sd_px, apart_px / 4))
     share = deep.sd_px**2 / (deep.sd_px**2 + shallow.sd_px**2)
     return Edge(deep.x_px + share * (shallow.x_px - deep.x_px), shallow.sd_px * math.sqrt(share))
 
