@@ -1,6 +1,7 @@
 """A perceiver, a source or a device of the user's own, by "module:Class" (tests/support/own_parts.py)."""
 
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from haptigraph.clock import MonotonicClock, VirtualClock
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.haptics.observed_device import is_felt
+from haptigraph.haptics.watchdog import HOLDS_MS
 from haptigraph.importing import is_own, module_sha256, split_own
 from haptigraph.messages import Certainty
 from haptigraph.recording.reader import RunReader
@@ -171,11 +173,13 @@ def test_a_device_of_ones_own_is_felt_and_watched(tmp_path):
     assert is_felt(name)
     assert not is_felt("trace:Out")
     device = assemble.open_device(name)
+    start_s = time.monotonic()
     device.set(0.5, 80.0, 0)
     device.close()
+    is_stalled = time.monotonic() - start_s > HOLDS_MS / 1e3  # then the watch plays 0
     assert type(device).__name__ == "WatchedDevice"
     played = (tmp_path / "out.txt").read_text().split()
-    assert [one for one in played if one != "0"] == ["0.5", "closed"]  # 0: the watch, on a busy machine
+    assert played == ["0.5", "closed"] or (is_stalled and played == ["0.5", "0", "closed"])
 
 
 @pytest.mark.parametrize(
