@@ -126,7 +126,7 @@ Written by `make train`; do not edit. How to use the model: [segmentation](segme
 A U-Net of {size_mb:.2f} MB, trained on {run.examples} simulated B-scans in {run.steps} batches of 8.
 Simulation and training took {run.minutes:.0f} minutes on two processors of a shared machine,
 {run.busy_minutes:.0f} of them processor time, with {_environment()}.
-The same code, seeds, libraries and type of processor give the same network.
+The same code, seeds and machine give the same network; another processor may give another.
 A second network, trained on its errors in {sum(KINDS.values())} other B-scans, confirms the RPE.
 No real B-scan was used. It is evaluated on {SCORED} other simulated
 B-scans (seed {SCORING_SEED}) of 512 x 512 px with random retina, needle, noise, tilt,
