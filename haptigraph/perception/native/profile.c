@@ -1,5 +1,5 @@
-/* A shaft's own profile: what it looks like across, in grey and colour, and how much of it there is
-   elsewhere.
+/* A shaft's own profile: what it looks like across, in grey and colour, how much of it there is elsewhere,
+   and whether something brighter is beside it.
 
    Metal mirrors its surroundings, so its contrast changes from image to image, but hardly along one shaft.
    The projection onto its profile is therefore far less noisy than any contrast, and a shadow, which is wider
@@ -10,6 +10,9 @@
 #include "native.h"
 
 #define MAX_REACH_PX 16
+#define AVERAGED 4      /* stations whose brightness beside the shaft is measured together */
+#define CORE_PX 1       /* on either side of the shaft's middle */
+#define NOISE_FLOOR 3.0 /* times the noise of a pixel: less contrast than that is none */
 
 typedef struct {
     double excess[2 * MAX_REACH_PX + 1], chroma[2 * MAX_REACH_PX + 1];
@@ -71,4 +74,48 @@ EXPORT double profile_share(const Strip *strip, double offset_px, double slope, 
     if (power <= noise_grey2 / (until - from)) return NAN;
     *sd = sqrt(noise_grey2 / power / (until - from));
     return dot(&shaft, &beyond, reach) / power;
+}
+
+/* Return the mean brightness over the ground in the lanes beside a shaft, `from` to `to` from its middle. */
+static double bright_beside(const Strip *strip, int middle, int from, int to, int station) {
+    double sum = 0;
+    int count = 0;
+    for (int k = from; k <= to; k++) {
+        for (int side = -1; side <= 1; side += 2) {
+            const int lane = middle + side * k;
+            if (lane < 0 || lane >= strip->excess.lanes) continue;
+            sum += maximum(strip->excess.first[lane * strip->excess.stride + station], 0);
+            count++;
+        }
+    }
+    return count ? sum / count : 0;
+}
+
+static double core_grey(const Strip *strip, int middle, int station) {
+    double sum = 0;
+    for (int k = -CORE_PX; k <= CORE_PX; k++) {
+        const int lane = middle + k;
+        if (lane < 0 || lane >= strip->excess.lanes) continue;
+        sum += strip->excess.first[lane * strip->excess.stride + station];
+    }
+    return fabs(sum) / (2 * CORE_PX + 1);
+}
+
+/* Return by how much it gets brighter beside a shaft, along the stations from `start` to before `stop`, up to
+   somewhere in the last ones, as a share of the shaft's contrast. A point gets narrower towards its end. */
+EXPORT double widening(const Strip *strip, double offset_px, double slope, int from, int to, int start,
+                       int stop, int last) {
+    double recent[AVERAGED] = {0}, sum = 0, least = INFINITY, rise = 0, core = 0;
+    for (int n = start; n < stop; n++) {
+        const double at = strip->excess.lanes / 2 + offset_px + slope * strip->u_px[n];
+        const int middle = clamped(floor(at + 0.5), 0, strip->excess.lanes - 1);
+        const double bright = bright_beside(strip, middle, from, to, n) / AVERAGED;
+        sum += bright - recent[n % AVERAGED];
+        recent[n % AVERAGED] = bright;
+        core += core_grey(strip, middle, n) / (stop - start);
+        if (n - start < AVERAGED - 1) continue;
+        least = minimum(least, sum);
+        if (n >= stop - last) rise = maximum(rise, sum - least);
+    }
+    return rise / maximum(core, maximum(NOISE_FLOOR * strip->noise_grey, 1));
 }

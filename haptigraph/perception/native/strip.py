@@ -26,6 +26,7 @@ __all__ = [
     "fit_line",
     "profile_share",
     "refine_tip",
+    "widening",
 ]
 
 STATION_PX = float(LIBRARY.constant("STATION_PX"))
@@ -63,6 +64,7 @@ _estimate_coarse_tip = LIBRARY.function("estimate_coarse_tip", "pdddp", ctypes.c
 _fit_line = LIBRARY.function("fit_line", "pddppppp", ctypes.c_int)
 _refine_tip = LIBRARY.function("refine_tip", "pppip", ctypes.c_int)
 _profile_share = LIBRARY.function("profile_share", "pddiiiiip", ctypes.c_double)
+_widening = LIBRARY.function("widening", "pddiiiii", ctypes.c_double)
 
 _Pair, _Triple = ctypes.c_double * 2, ctypes.c_double * 3
 _LineFitBuffer = ctypes.c_char * _LINE_FIT.size
@@ -194,6 +196,28 @@ def profile_share(
         *(*_span(shaft, native.stations), *_span(part, native.stations), ctypes.byref(sd)),
     )
     return float(share), sd.value
+
+
+def widening(
+    strip: RectifiedStrip, offset_px: float, slope: float, beside_px: tuple[int, int], part: slice, last: int
+) -> float:
+    """Return by how much it gets brighter beside a shaft towards its end.
+
+    Args:
+        strip: The strip.
+        offset_px: Of the shaft's middle from the strip's, where u is 0.
+        slope: Of the shaft's middle along the strip.
+        beside_px: First and last lane on either side of the middle.
+        part: Stations along the shaft.
+        last: Of these, how many of the last are its end.
+
+    Returns:
+        The largest rise up to its end, as a share of the shaft's contrast; 0 without one.
+    """
+    native = _native(strip)
+    start, stop = _span(part, native.stations)
+    given = native.packed, float(offset_px), float(slope), index(beside_px[0]), index(beside_px[1])
+    return float(_widening(*given, start, stop, index(last)))
 
 
 def estimate_coarse_tip(

@@ -1,13 +1,14 @@
-"""The shaft's own profile: whether a needle goes on beyond an apparent tip.
+"""The shaft's own profile: whether a needle goes on beyond an apparent tip, or ends before it.
 
 Turns a rectified strip, a fitted line and an apparent tip into how much of the shaft's profile, in grey and
 colour across it, the stations beyond the tip show (`native/profile.c`). A point that fades keeps that
-profile, however soft and faint it is. A soft shadow does not have it; a hard one begins with a drop.
+profile, however soft and faint it is. A soft shadow does not have it; a hard one begins with a drop. What
+gets brighter beside the shaft towards its end is no point, but a bubble in line with it.
 """
 
 import math
 
-from haptigraph.perception.native.strip import profile_share
+from haptigraph.perception.native.strip import profile_share, widening
 from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
 
@@ -22,6 +23,10 @@ MIN_SHARE, MIN_SNR = 0.1, 3.0  # of the profile; less is none
 MIN_LEFT, MIN_LEFT_SOFT = 0.5, 0.25  # of what is before a tip: less beyond it is a drop, or a soft shadow
 MAX_POINT_MM, MAX_EVEN = 2.0, 0.5  # length of a soft point, and share of its profile at its end
 MAX_FAINT_MM = 0.4  # a longer rest is a shadow
+REST_MM, MIN_GAP = 0.5, 3  # of a shaft that is seen again beyond a gap; the gap, stations
+BESIDE_MM = 0.15, 0.57  # from the shaft's middle, where a bubble is bright
+END_MM, BEFORE_END_MM = 0.8, 2.0  # the apparent end of a shaft, and what it is compared to
+MAX_WIDENING = 0.3  # of the shaft's contrast
 
 
 class ShaftProfile:
@@ -46,6 +51,35 @@ class ShaftProfile:
         share, sd = self._share(tip_px, self._close(tip_px, *BEYOND))
         before, _ = self._share(tip_px, self._close(tip_px, *BEFORE))
         return share > max(MIN_SHARE, MIN_SNR * sd, (MIN_LEFT_SOFT if softly else MIN_LEFT) * before)
+
+    def resumes(self, tip_px: float, until_px: float) -> bool:
+        """Return whether the profile is seen again, beyond a gap after an apparent tip.
+
+        A bubble behind a bright shaft, as bright as it, hides a part of it. A dark rest may be a shadow.
+
+        Args:
+            tip_px: The apparent tip, inside the globe.
+            until_px: How far along the strip there is contrast.
+        """
+        beyond, rest = self._between(tip_px, until_px), round(REST_MM * self._px_per_mm / STATION_PX)
+        share, sd = self._share(tip_px, slice(beyond.stop - rest, beyond.stop))
+        if beyond.stop - rest - beyond.start < MIN_GAP or not share > max(MIN_LEFT_SOFT, MIN_SNR * sd):
+            return False
+        starts = range(beyond.start, beyond.stop - rest - MIN_GAP + 1)
+        return any(self._share(tip_px, slice(at, at + MIN_GAP))[0] < MIN_SHARE for at in starts)
+
+    def widens(self, tip_px: float) -> bool:
+        """Return whether it gets brighter beside the shaft towards an apparent tip: a bubble is there.
+
+        Args:
+            tip_px: The apparent tip, inside the globe.
+        """
+        strip, fit, scale = self._strip, self._fit, self._px_per_mm
+        stop = int(strip.u_px.searchsorted(tip_px, "right"))
+        end, before = (round(length_mm * scale / STATION_PX) for length_mm in (END_MM, BEFORE_END_MM))
+        part = slice(max(stop - end - before, strip.inside.start), stop)
+        beside_px = math.ceil(BESIDE_MM[0] * scale), math.ceil(BESIDE_MM[1] * scale)
+        return widening(strip, fit.offset_px, fit.slope, beside_px, part, end) > MAX_WIDENING
 
     def fades(self, tip_px: float, until_px: float) -> bool:
         """Return whether what is beyond an apparent tip has the profile, and fades: a shadow is even.

@@ -143,7 +143,10 @@ class TipSelector:
         """Return the end of a shaft whose profile continues beyond a contrast step; None if it does not."""
         if tip.where != "inside" or tip.u_px - step.u_px <= NEAR_PX:
             return None
-        if not self._profile(detection).continues(step.u_px):
+        profile = self._profile(detection)
+        if not profile.continues(step.u_px) and not (
+            is_bright(detection.candidate.strip, step.u_px, tip.u_px) and profile.resumes(step.u_px, tip.u_px)
+        ):
             return None
         end = self._refine(image, detection, tip, tip.u_px)
         return end if end and end.u_px > step.u_px else None
@@ -231,8 +234,10 @@ class TipSelector:
         if tip.where != "inside":
             return tip
         until_px, edges_end_px = detection.candidate.tip.u_px, detection.edges_end_px
-        rest_px = self._profile(detection).faint_rest_px(tip.u_px, until_px)
-        return with_certainty(strip, tip, until_px, edges_end_px, fit.blur_px, self._eye.px_per_mm, rest_px)
+        profile, scale = self._profile(detection), self._eye.px_per_mm
+        rest_px = profile.faint_rest_px(tip.u_px, until_px)
+        tip = with_certainty(strip, tip, until_px, edges_end_px, fit.blur_px, scale, rest_px)
+        return replace(tip, is_known=False) if tip.is_known and profile.widens(tip.u_px) else tip
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:
         """Return the end of a shaft that its shadow continues, None if none does."""

@@ -233,6 +233,7 @@ WRAPPERS = {
         strip.profile_share,
         lambda: [make_strip(chroma=excess()), 0.5, 0.02, 9, slice(13, 30), slice(40, 45)],
     ),
+    "widening": (strip.widening, lambda: [make_strip(), 0.5, 0.02, (3, 9), slice(13, 40), 8]),
     "fit_line": (strip.fit_line, lambda: [make_strip(), 50.0, 9.0, APPEARANCE]),
     "refine_tip": (
         lambda *arguments: strip.refine_tip(*arguments[:8], **dict(zip(FLAGS, arguments[8:], strict=True))),
@@ -327,6 +328,8 @@ def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
         lambda: strip.fit_line(shown, math.inf, 16.0, APPEARANCE),
         lambda: strip.profile_share(shown, number, number, station, slice(0, station), part),
         lambda: strip.profile_share(shown, 0.5, number, 8, part, slice(0, station)),
+        lambda: strip.widening(shown, number, 0.1, (station, 9), part, station),
+        lambda: strip.widening(shown, 0.5, number, (0, station), part, 8),
         lambda: refine(shown, (12, station), 0, stop, station, number, 0.1, 0.3, True, False, True),
         lambda: refine(shown, (4,), 0, stop, 2 * station, 16.2, number, number, False, True, True),
         lambda: refine(shown, (4,), 0, stop, station, 8.0, 0.0, 0.3, False, False, False),

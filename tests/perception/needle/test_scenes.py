@@ -17,8 +17,14 @@ FAR_MM, DEEP_MM = 0.3, 2.0
 
 @pytest.mark.parametrize(
     ("number", "seed", "max_unknown", "max_far"),
-    [(15, 105, 3, 1), (11, 105, 0, 0), (65, 101, 0, 0)],
-    ids=["out of a white cannula", "before a wall of unknown background", "as bright as an orange bowl"],
+    [(15, 105, 3, 1), (11, 105, 0, 0), (65, 101, 0, 0), (10, 326, 0, 3), (5, 328, 7, 0)],
+    ids=[
+        "out of a white cannula",
+        "before a wall of unknown background",
+        "as bright as an orange bowl",
+        "across a bubble as bright as the shaft",
+        "towards a bubble in line with the shaft",
+    ],
 )
 def test_tips_are_known_where_they_are_plain(number, seed, max_unknown, max_far):
     phantom = Phantom(sweep_scene(number, seed).scenario)

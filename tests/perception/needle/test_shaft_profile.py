@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from drawn_strip import END_PX, LANES, NOISE_GREY, SHADOW, U_PX, blurred, needle, strip
 
-from haptigraph.perception.native.strip import profile_share
+from haptigraph.perception.native.strip import profile_share, widening
 from haptigraph.perception.needle.rectify import STATION_PX
 from haptigraph.perception.needle.shaft_line import fit_line
 from haptigraph.perception.needle.shaft_profile import ShaftProfile
@@ -116,3 +116,66 @@ def test_a_shaft_too_short_to_have_a_profile_says_nothing():
     assert not ShaftProfile(drawn, fit, PX_PER_MM).fades(14.0, 20.0)
     assert not ShaftProfile(drawn, fit, PX_PER_MM).continues(14.0)
     assert ShaftProfile(drawn, fit, PX_PER_MM).faint_rest_px(14.0, 20.0) == 0.0
+
+
+BUBBLE_PX = 9.0
+"""Its radius."""
+
+
+def bubble(at_px: float, off_px: float = 0.0, grey: float = 90.0):
+    return grey * np.clip(BUBBLE_PX + 0.5 - np.hypot(LANES - off_px, U_PX - at_px), 0, 1)
+
+
+@pytest.mark.parametrize("grey", [-40.0, 60.0])
+@pytest.mark.parametrize("off_px", [0.0, 5.0])
+def test_a_bubble_that_a_shaft_ends_in_is_wider_than_the_shaft(grey, off_px):
+    shaft = needle(3.0, grey=grey)
+    drawn, fit = strip(np.maximum(shaft, bubble(END_PX + BUBBLE_PX, off_px))), seen(shaft)[1]
+    profile = ShaftProfile(drawn, fit, PX_PER_MM)
+    assert profile.widens(END_PX + 2 * BUBBLE_PX)
+    assert not profile.widens(END_PX - 1)
+
+
+@pytest.mark.parametrize("grey", [-40.0, 25.0, 90.0])
+@pytest.mark.parametrize("taper_mm", [1.0, 5.0, 1000.0])
+def test_no_point_gets_wider_towards_its_end(grey, taper_mm):
+    half_width_px = np.clip((END_PX - U_PX) / (taper_mm * PX_PER_MM), 0, 1) * 8
+    drawn, fit = seen(needle(half_width_px, grey=grey))
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).widens(END_PX)
+
+
+def test_a_dark_shadow_beside_the_end_is_no_bubble():
+    shadow = -30.0 * (abs(LANES - 6) < 3) * (abs(U_PX - END_PX) < 10)
+    drawn, fit = seen(needle(3.0) + shadow)
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).widens(END_PX)
+
+
+def test_noise_beside_a_faint_shaft_is_no_bubble():
+    for seed in range(50):
+        noise = np.random.default_rng(seed).normal(0, NOISE_GREY, (len(LANES), len(U_PX)))
+        drawn = strip(
+            needle(3.0, grey=-3.0) + noise - np.random.default_rng(7).normal(0, NOISE_GREY, noise.shape)
+        )
+        assert not ShaftProfile(drawn, seen(needle(3.0))[1], PX_PER_MM).widens(END_PX)
+
+
+def test_a_widening_is_a_share_of_the_shafts_contrast():
+    excess = needle(3.0, U_PX.max(), 50.0) + 25.0 * (abs(LANES) > 3) * (U_PX > END_PX)
+    part = slice(40, int(U_PX.searchsorted(END_PX + 20)))
+    assert widening(strip(excess), 0.0, 0.0, (5, 10), part, 10) == pytest.approx(0.5, abs=0.05)
+    assert widening(strip(needle(3.0, U_PX.max(), 50.0)), 0.0, 0.0, (5, 10), part, 10) < 0.05
+
+
+@pytest.mark.parametrize("gap_px", [6.0, 16.0])
+def test_a_shaft_resumes_beyond_a_gap(gap_px):
+    is_hidden = (U_PX > END_PX) & (END_PX + gap_px >= U_PX)
+    drawn = strip(needle(3.0, END_PX + gap_px + 20, 60.0) * ~is_hidden)
+    profile = ShaftProfile(drawn, seen(needle(3.0, grey=60.0))[1], PX_PER_MM)
+    assert profile.resumes(END_PX, END_PX + gap_px + 20)
+    assert not profile.resumes(END_PX, END_PX + gap_px)
+
+
+def test_what_has_no_gap_or_nothing_beyond_it_does_not_resume():
+    drawn, fit = seen(needle(3.0, grey=60.0))
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).resumes(END_PX - 40, END_PX)
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).resumes(END_PX, END_PX + 40)
