@@ -25,10 +25,14 @@ static double excess_at(const Strip *strip, int lane, int station) {
     return minimum(maximum(excess, -most), most);
 }
 
-/* Add `weight` times what one station shows across the shaft. */
-static void add_station(const Strip *strip, double middle, int reach, int station, double weight,
-                        Across *sum) {
-    const int lane = clamped(floor(middle + 0.5), -MAX_REACH_PX - 1, strip->excess.lanes + MAX_REACH_PX);
+/* Return the lane of the shaft's middle, which may be outside the strip. */
+static int middle_lane(const Strip *strip, double offset_px, double slope, int station) {
+    const double middle = strip->excess.lanes / 2 + offset_px + slope * strip->u_px[station];
+    return clamped(floor(middle + 0.5), -MAX_REACH_PX - 1, strip->excess.lanes + MAX_REACH_PX);
+}
+
+/* Add `weight` times what one station shows about a lane. */
+static void add_station(const Strip *strip, int lane, int reach, int station, double weight, Across *sum) {
     for (int k = -reach; k <= reach; k++) {
         if (lane + k < 0 || lane + k >= strip->excess.lanes) continue;
         sum->excess[reach + k] += weight * excess_at(strip, lane + k, station);
@@ -43,8 +47,7 @@ static void mean_across(const Strip *strip, double offset_px, double slope, int 
                         Across *mean) {
     memset(mean, 0, sizeof *mean);
     for (int n = start; n < stop; n++) {
-        const double middle = strip->excess.lanes / 2 + offset_px + slope * strip->u_px[n];
-        add_station(strip, middle, reach, n, 1.0 / (stop - start), mean);
+        add_station(strip, middle_lane(strip, offset_px, slope, n), reach, n, 1.0 / (stop - start), mean);
     }
 }
 
@@ -107,8 +110,7 @@ EXPORT double widening(const Strip *strip, double offset_px, double slope, int f
                        int stop, int last) {
     double recent[AVERAGED] = {0}, sum = 0, least = INFINITY, rise = 0, core = 0;
     for (int n = start; n < stop; n++) {
-        const double at = strip->excess.lanes / 2 + offset_px + slope * strip->u_px[n];
-        const int middle = clamped(floor(at + 0.5), 0, strip->excess.lanes - 1);
+        const int middle = middle_lane(strip, offset_px, slope, n);
         const double bright = bright_beside(strip, middle, from, to, n) / AVERAGED;
         sum += bright - recent[n % AVERAGED];
         recent[n % AVERAGED] = bright;

@@ -143,10 +143,11 @@ class TipSelector:
         """Return the end of a shaft whose profile continues beyond a contrast step; None if it does not."""
         if tip.where != "inside" or tip.u_px - step.u_px <= NEAR_PX:
             return None
-        profile = self._profile(detection)
-        if not profile.continues(step.u_px) and not (
-            is_bright(detection.candidate.strip, step.u_px, tip.u_px) and profile.resumes(step.u_px, tip.u_px)
-        ):
+        strip, profile = detection.candidate.strip, self._profile(detection)
+        goes_on = profile.continues(step.u_px) or (
+            is_bright(strip, step.u_px, tip.u_px) and profile.resumes(step.u_px, tip.u_px)
+        )
+        if not goes_on:
             return None
         end = self._refine(image, detection, tip, tip.u_px)
         return end if end and end.u_px > step.u_px else None

@@ -16,6 +16,12 @@ def seen(excess):
     return drawn, fit_line(drawn, END_PX, drawn.half_px)
 
 
+def noisy(excess, seed: int):
+    """A strip with other noise than that which `strip` adds to all alike."""
+    noise, usual = (np.random.default_rng(s).normal(0, NOISE_GREY, excess.shape) for s in (seed, 7))
+    return strip(excess + noise - usual)
+
+
 def soft_point(rest_px: float, grey: float = -20.0):
     """A needle whose last part is out of its edges' sharpness, as poor compression leaves it."""
     rest = needle(3.0, END_PX + rest_px, grey) * (U_PX > END_PX)
@@ -34,9 +40,7 @@ def test_the_standard_deviation_of_a_share_is_that_of_many_strips():
     excess = needle(3.0, grey=-8.0)
     shares = []
     for seed in range(200):
-        noise = np.random.default_rng(seed).normal(0, NOISE_GREY, excess.shape)
-        noisy = strip(excess + noise - np.random.default_rng(7).normal(0, NOISE_GREY, excess.shape))
-        share, sd = profile_share(noisy, 0.0, 0.0, 8, SHAFT, slice(110, 114))
+        share, sd = profile_share(noisy(excess, seed), 0.0, 0.0, 8, SHAFT, slice(110, 114))
         shares.append(share)
     assert np.std(shares) == pytest.approx(sd, rel=0.25)
 
@@ -151,12 +155,10 @@ def test_a_dark_shadow_beside_the_end_is_no_bubble():
 
 
 def test_noise_beside_a_faint_shaft_is_no_bubble():
+    _, fit = seen(needle(3.0))
     for seed in range(50):
-        noise = np.random.default_rng(seed).normal(0, NOISE_GREY, (len(LANES), len(U_PX)))
-        drawn = strip(
-            needle(3.0, grey=-3.0) + noise - np.random.default_rng(7).normal(0, NOISE_GREY, noise.shape)
-        )
-        assert not ShaftProfile(drawn, seen(needle(3.0))[1], PX_PER_MM).widens(END_PX)
+        drawn = noisy(needle(3.0, grey=-3.0), seed)
+        assert not ShaftProfile(drawn, fit, PX_PER_MM).widens(END_PX)
 
 
 def test_a_widening_is_a_share_of_the_shafts_contrast():
