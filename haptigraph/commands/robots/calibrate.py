@@ -10,12 +10,16 @@ from haptigraph.commands.help import examples
 from haptigraph.errors import BadInput
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from haptigraph.analysis.robot.calibrating import TouchedPoints
+    from haptigraph.robot.listening import Listener
     from haptigraph.robot.setup import EyePlace, RcmPlace, ShaftAxis
 
 __all__ = ["calibrate", "sync_check"]
 
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
+HEARD_S = 5.0  # a robot on a network is found within seconds
 STILL_S = 0.5
 STILL_MM = 0.2
 
@@ -126,27 +130,46 @@ def _touched(points: "TouchedPoints", uri: str) -> "TouchedPoints":
     from haptigraph.robot.listening import Listener
     from haptigraph.robot.opening import open_robot
 
-    clock = MonotonicClock()
     positions = []
-    with closing(Listener(lambda of: open_robot(uri, of), clock, None)) as listener:
+    with closing(Listener(lambda of: open_robot(uri, of), MonotonicClock(), None)) as listener:
+        if not _is_heard(listener):
+            raise BadInput(
+                f"{uri} reported no pose for {HEARD_S:g} s; check it with `haptigraph robot check`"
+            )
         for name, eye_mm in zip(points.names, points.eye_mm.tolist(), strict=True):
             where = ", ".join(f"{one:.2f}" for one in eye_mm)
-            click.prompt(
-                f"touch {name} ({where} mm), hold still, press Enter", default="", show_default=False
-            )
-            listener.take()
-            time.sleep(STILL_S)
-            seen = np.array([one.position_mm for one in listener.take()])
-            if not len(seen):
-                raise BadInput(
-                    f"{uri} reported no pose for {STILL_S:g} s; check it with `haptigraph robot check`"
-                )
-            if np.ptp(seen, axis=0).max() > STILL_MM:
-                raise BadInput(
-                    f"the robot moved by {np.ptp(seen, axis=0).max():.2f} mm while touching {name}"
-                )
-            positions.append(seen.mean(axis=0))
+            ask, position_mm = f"touch {name} ({where} mm), hold still, press Enter", None
+            while position_mm is None:
+                click.prompt(ask, default="", show_default=False)
+                position_mm = _held_position_mm(listener)
+            positions.append(position_mm)
     return type(points)(points.names, points.eye_mm, np.array(positions), points.file)
+
+
+def _is_heard(listener: "Listener") -> bool:
+    """Wait for the robot's first pose; return whether it came."""
+    end_s = time.monotonic() + HEARD_S
+    while not (is_heard := bool(listener.take())) and time.monotonic() < end_s:
+        time.sleep(0.01)
+    return is_heard
+
+
+def _held_position_mm(listener: "Listener") -> "np.ndarray | None":
+    """Return the robot's mean position while it holds still; None, and say why, if it does not."""
+    import numpy as np
+
+    listener.take()
+    time.sleep(STILL_S)
+    seen_mm = np.array([one.position_mm for one in listener.take()])
+    if not len(seen_mm):
+        click.echo(f"not taken: the robot reported no pose for {STILL_S:g} s", err=True)
+        return None
+    moved_mm = np.ptp(seen_mm, axis=0).max()
+    if moved_mm > STILL_MM:
+        click.echo(f"not taken: the robot moved by {moved_mm:.2f} mm", err=True)
+        return None
+    mean_mm: np.ndarray = seen_mm.mean(axis=0)
+    return mean_mm
 
 
 @click.command(

@@ -1,6 +1,7 @@
 """robot calibrate with a robot and a tf broadcaster in processes of their own."""
 
 import math
+import queue
 import subprocess
 import sys
 import uuid
@@ -47,50 +48,108 @@ def is_at(message, at_mm):
     return math.dist((1e3 * at.x, 1e3 * at.y, 1e3 * at.z), at_mm) < 0.1
 
 
-def test_a_robot_on_the_network_touches_the_points(peer, tmp_path):
-    """Its user moves it to each point, and presses Enter."""
+class Touching:
+    """`haptigraph robot calibrate --robot ...` in a process of its own, and who moves the robot for it."""
+
+    def __init__(self, peer, arm, topic, *command):
+        self.peer, self.arm, self.topic = peer, arm, topic
+        self.program = subprocess.Popen(
+            [sys.executable, "-m", "haptigraph", "robot", "calibrate", *map(str, command)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            bufsize=1,
+        )
+
+    def read_question(self):
+        """Return what the program prints until it asks for a point, or ends."""
+        asked = ""
+        while not asked.endswith("press Enter: ") and (read := self.program.stdout.read(1)):
+            asked += read
+        return asked
+
+    def touch(self, eye_mm):
+        """Move the robot to a point of the eye."""
+        self.at_mm = EYE_FROM_BASE.inverse().point_mm(np.array(eye_mm)).tolist()
+        self.arm.stdin.write(f"at {' '.join(map(str, self.at_mm))}\n")
+        self.peer.next(self.topic, lambda message: is_at(message, self.at_mm))
+
+    def press_enter(self):
+        self.program.stdin.write("\n")
+
+    def touch_all(self, asked, points):
+        """Touch points, again where the machine stalled; return what the program prints afterwards."""
+        for name in points:
+            assert f"touch {name} " in asked
+            while f"touch {name} " in asked:
+                self.touch(POINTS[name])
+                self.press_enter()
+                asked = self.read_question()
+        return asked
+
+    def fall_silent(self):
+        """Make the robot send no more poses, and wait until none is under way."""
+        self.arm.stdin.write("quiet\n")
+        with pytest.raises(queue.Empty):
+            while True:
+                self.peer.received[self.topic].get(timeout=1)
+
+    def shake(self):
+        self.arm.stdin.write("shake\n")
+        self.peer.next(self.topic, lambda message: not is_at(message, self.at_mm))
+
+
+@pytest.fixture
+def touching(peer, tmp_path):
     name = f"arm_{uuid.uuid4().hex}"
     points, output = tmp_path / "points.csv", tmp_path / "robot.toml"
     rows = [",".join((point, *map(str, eye_mm))) for point, eye_mm in POINTS.items()]
     points.write_text("\n".join(("name,eye_x_mm,eye_y_mm,eye_z_mm", *rows)))
-    command = (
-        "robot",
-        "calibrate",
-        "-o",
-        output,
-        "--points",
-        points,
-        "--robot",
-        f"crtk:{name}",
-        "--sd-mm",
-        "0.02",
-    )
+    command = ("-o", output, "--points", points, "--robot", f"crtk:{name}", "--sd-mm", "0.02")
     peer.subscribe(f"/{name}/measured_cp", PoseStamped)
     with robot_peer("crtk", f"/{name}") as arm:
-        program = subprocess.Popen(
-            [sys.executable, "-m", "haptigraph", *map(str, command)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            bufsize=1,
-        )
-        for point, eye_mm in POINTS.items():
-            asked = ""
-            while not asked.endswith("press Enter: "):
-                asked += program.stdout.read(1)
-            assert f"touch {point} " in asked
-            there_mm = EYE_FROM_BASE.inverse().point_mm(np.array(eye_mm)).tolist()
-            arm.stdin.write(f"at {' '.join(map(str, there_mm))}\n")
-            peer.next(f"/{name}/measured_cp", lambda message, to_mm=there_mm: is_at(message, to_mm))
-            program.stdin.write("\n")
-        report, _ = program.communicate(timeout=60)
-    assert program.returncode == 0, report
-    setup = load_setup(output)
+        touching = Touching(peer, arm, f"/{name}/measured_cp", *command)
+        try:
+            yield touching
+        finally:
+            touching.program.kill()
+            touching.program.communicate()
+
+
+def test_a_robot_on_the_network_touches_the_points(touching, tmp_path):
+    """Its user moves it to each point, and presses Enter."""
+    report = touching.touch_all(touching.read_question(), POINTS)
+    assert touching.program.wait(60) == 0, report
+    setup = load_setup(tmp_path / "robot.toml")
     for eye_mm in POINTS.values():
         there_mm = EYE_FROM_BASE.inverse().point_mm(np.array(eye_mm))
         assert math.dist(setup.eye.robot_from_eye.point_mm(np.array(eye_mm)), there_mm) < 0.05
     assert math.dist(setup.rcm.at_mm, EYE_FROM_BASE.inverse().point_mm(np.array(POINTS["trocar"]))) < 0.05
     assert 0.02 <= setup.eye.tip_sd_mm < 0.05
+
+
+@pytest.mark.parametrize(
+    ("disturb", "reason"), [("fall_silent", "reported no pose"), ("shake", "the robot moved by")]
+)
+def test_asks_again_for_a_point_that_was_not_taken(touching, disturb, reason):
+    """Points that were touched before are kept."""
+    first, second, *rest = POINTS
+    asked = touching.touch_all(touching.read_question(), [first])
+    getattr(touching, disturb)()
+    touching.press_enter()
+    asked = touching.read_question()
+    assert reason in asked and f"touch {second} " in asked
+    touching.arm.stdin.write("steady\n")
+    report = touching.touch_all(asked, [second, *rest])
+    assert touching.program.wait(60) == 0, report
+
+
+def test_a_robot_that_is_never_heard_ends_the_command(ros_network, tmp_path):
+    points = tmp_path / "points.csv"
+    points.write_text("name,eye_x_mm,eye_y_mm,eye_z_mm\ntrocar,-7,10,0\n")
+    arguments = ("-o", tmp_path / "robot.toml", "--points", points, "--robot", f"crtk:arm_{uuid.uuid4().hex}")
+    assert "reported no pose for 5 s" in refuse("robot", "calibrate", *arguments)
 
 
 def test_the_eye_is_placed_by_tf(ros_network, aligned_run, tmp_path):

@@ -5,7 +5,8 @@ crtk_peer.py NAMESPACE hand SEED [NAME]   once somebody listens, sends 8 s of mo
                                           the sabotage NAME
 
 Prints "ready", and after the motion "done". Ends when its standard input is closed. Lines on it are commands:
-pause, fault, quiet (sends no more poses), or "at X Y Z": somebody moves its tip there [mm].
+pause, fault, quiet (sends no more poses), shake (by 1 mm), steady (neither), or "at X Y Z": somebody moves its
+tip there [mm].
 """
 
 import heapq
@@ -31,6 +32,7 @@ TYPES = {
 }
 BASE = "PSM1_base"
 PERIOD_S = 0.01
+STEADY_M = 5e-6
 ANSWERS = {"enable": "ENABLED", "disable": "DISABLED", "pause": "PAUSED", "resume": "ENABLED"}
 
 
@@ -40,7 +42,7 @@ class Arm:
     def __init__(self, root):
         self.node, self.root, self.rng = Node(), root, np.random.default_rng(5)
         self.out = {}
-        self.state, self.is_quiet = "DISABLED", False
+        self.state, self.is_quiet, self.noise_m = "DISABLED", False, STEADY_M
         tip_m, rotation = arm_motion.forward(np.array([0.1, -0.05, 0.0, 0.005]))
         self.setpoint = (*tip_m.tolist(), *arm_motion.quaternion(rotation).tolist())
         self.due, self.numbers, self.last_s = [], count(), 0.0
@@ -78,7 +80,7 @@ class Arm:
         """Measure, and send what is due."""
         now_s, stamp_ns = time.monotonic(), time.time_ns()
         if not self.is_quiet:
-            noise = self.rng.normal(0, 5e-6, 3).tolist()
+            noise = self.rng.normal(0, self.noise_m, 3).tolist()
             measured = tuple(a + b for a, b in zip(self.setpoint[:3], noise, strict=True)) + self.setpoint[3:]
             self.last_s = max(self.last_s, now_s + max(self.rng.normal(0.020, 0.005), 0.0))
             heapq.heappush(self.due, (self.last_s, next(self.numbers), measured, stamp_ns))
@@ -111,7 +113,8 @@ def play(arm, messages):
 def obey(arm):
     for line in sys.stdin:
         command = line.strip()
-        arm.is_quiet = arm.is_quiet or command == "quiet"
+        arm.is_quiet = {"quiet": True, "steady": False}.get(command, arm.is_quiet)
+        arm.noise_m = {"shake": 1e-3, "steady": STEADY_M}.get(command, arm.noise_m)
         if command.startswith("at "):
             arm.setpoint = (*(float(one) / 1e3 for one in command.split()[1:]), *arm.setpoint[3:])
         arm.state = {"pause": "PAUSED", "fault": "FAULT"}.get(command, arm.state)
