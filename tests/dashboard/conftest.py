@@ -34,7 +34,9 @@ def open_page(chromium):
         page = context.new_page()
         page.set_default_timeout(30_000)
         page.problems, page.module = problems, module
-        page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+        page.on(
+            "console", lambda message: problems.append(message.text) if _is_error(message, page) else None
+        )
         page.on("pageerror", lambda error: problems.append(str(error)))
         page.on("request", lambda request: problems.append(request.url) if _is_foreign(request.url) else None)
         page.goto(url)
@@ -62,6 +64,11 @@ def late_ms():
 
     yield since
     probe.is_stopped.set()
+
+
+def _is_error(message, page) -> bool:
+    """Whether it is an error, and not one that arrives after its page was closed."""
+    return message.type == "error" and not page.is_closed()
 
 
 def _is_foreign(url: str) -> bool:
