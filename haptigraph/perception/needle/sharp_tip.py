@@ -46,7 +46,8 @@ def sharp_end(strip: RectifiedStrip, tip: TipEstimate) -> TipEstimate | None:
         The tip, or None if there is something sharp right before it, or nowhere.
     """
     start, start_px = strip.inside.start, float(strip.u_px[strip.inside.start])
-    groups = int((tip.u_px - start_px) / STATION_PX) + 2 - GROUP
+    shown = len(strip.u_px) - start  # a tip may be refined to right beyond the strip
+    groups = min(int((tip.u_px - start_px) / STATION_PX) + 1, shown) + 1 - GROUP
     excess = strip.excess[:, start : start + groups + GROUP - 1]
     threshold = sharpness_threshold(strip.noise_grey, GROUP)
     if groups <= MIN_SOFT or _is_sharp_to_end(excess, threshold):

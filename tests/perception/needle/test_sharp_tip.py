@@ -38,6 +38,15 @@ def test_a_shaft_without_anything_sharp_keeps_its_tip():
     assert sharp_end(strip(defocused), TipEstimate("inside", END_PX, 100.0)) is None
 
 
+@pytest.mark.parametrize("beyond_px", [0.0, 1.0, 2.0, 3.0, 5.0])
+def test_a_tip_right_beyond_the_strip_is_treated_as_at_its_end(beyond_px):
+    end_px = float(U_PX[-1])
+    shaded = np.minimum(needle(3.0), -50.0 * SHADOW) + needle(3.0, grey=-15.0)
+    end = sharp_end(strip(shaded), TipEstimate("inside", end_px + beyond_px, 200.0))
+    assert end is not None
+    assert end.u_px == pytest.approx(END_PX, abs=4)
+
+
 def test_a_needle_that_fades_in_the_noise_keeps_its_tip():
     fading = needle(1.5) * np.clip((END_PX - U_PX) / 100, 0, 1)
     assert sharp_end(strip(fading), TipEstimate("inside", END_PX, 100.0)) is None
