@@ -252,7 +252,7 @@ EXPORT int refine_tip(const Strip *strip, const TipPatch *patch, const int *behi
     const int follows_faint =
         is_focused && !patch->is_outside; /* outside, more is visible on the background */
     tip[0] = follows_faint ? follow_faint(&profile, &point, defocus_px) : point.u_px;
-    tip[0] -= BLUR_SHARE * point.one_tone * defocus_px;
+    tip[0] -= BLUR_SHARE * defocus_px;
     tip[1] = sqrt(FLOOR_PX * FLOOR_PX + noise_px * noise_px);
     tip[2] = step.high_grey;
     return 1;

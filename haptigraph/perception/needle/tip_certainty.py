@@ -18,13 +18,13 @@ from haptigraph.perception.needle.rectify import RectifiedStrip, median
 __all__ = ["outside_globe", "with_certainty"]
 
 # The terms of the variance; each a share of a length that the image shows.
-BLUR_SHARE = 0.3  # of the blur across the shaft: that along it may differ
+BLUR_SHARE = 0.25  # of the blur across the shaft: that along it may differ
 EDGELESS_SHARE, EDGELESS_MM = 0.17, 1.0  # of the point without edges, up to a length
-FADING_MM = 0.065  # per time that the contrast behind the point is greater than that of the point
+FADING_MM = 0.058  # per time that the contrast behind the point is greater than that of the point
 MAX_FADING = 2.0  # such times: the point of a bevel is beside the axis, and plain
-NOISE_MM = 0.13  # per grey level of noise, of a contrast of one
+NOISE_MM = 0.115  # per grey level of noise, of a contrast of one
 TEXTURE_GREY = 2.2  # works like noise
-WALL_MM, NEAR_WALL_MM = 0.06, 0.6  # so near to the far wall a point mirrors it, and its last part is not seen
+WALL_MM, NEAR_WALL_MM = 0.055, 0.6  # so near to the far wall a point mirrors it: its last part is not seen
 
 MAX_SD_MM = 0.2  # of a tip whose place is known
 OUTSIDE_MM = 0.03  # sd of a contrast step outside the globe

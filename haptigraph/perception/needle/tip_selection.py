@@ -14,6 +14,7 @@ from haptigraph.perception.native.strip import colored_share
 from haptigraph.perception.needle.background import Background
 from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import TipEstimate, may_reach_wall
+from haptigraph.perception.needle.focus import Focus
 from haptigraph.perception.needle.rectify import EyeGeometry, Line, RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
 from haptigraph.perception.needle.shaft_profile import ShaftProfile
@@ -83,10 +84,11 @@ class TipSelector:
         eye: The eye's geometry.
         background: The background model.
         bevel: How far off the axis the tip is.
+        focus: How blurred the picture is.
     """
 
-    def __init__(self, eye: EyeGeometry, background: Background, bevel: Bevel) -> None:
-        self._eye, self._background, self._bevel = eye, background, bevel
+    def __init__(self, eye: EyeGeometry, background: Background, bevel: Bevel, focus: Focus) -> None:
+        self._eye, self._background, self._bevel, self._focus = eye, background, bevel, focus
 
     def select(self, image: Image, detection: Detection, expected_px: float = math.inf) -> TipEstimate:
         """Select the contrast step that is the tip, and locate it sub-pixel.
@@ -217,7 +219,7 @@ class TipSelector:
     def _refine_once(
         self, image: Image, detection: Detection, tip: TipEstimate, about_px: float, uses_chroma: bool
     ) -> TipEstimate | None:
-        patch, blur_px = detection.candidate.patch, detection.fit.blur_px
+        patch, blur_px = detection.candidate.patch, self._blur_px(detection)
         bevel_px = self._bevel.off_axis_px if tip.where == "inside" else 0.0
         off_axis_px = detection.fit.offset_px + detection.fit.slope * about_px
         if patch and covers_tip(patch, about_px) and abs(off_axis_px) <= MAX_OFF_AXIS_PX:
@@ -263,7 +265,12 @@ class TipSelector:
         end_px = dim_end_px(patches[0], tip) if patches else None
         if patches is None or end_px is None:
             return None
-        return refine_tip(patches[0], tip, end_px, blur_px=detection.fit.blur_px, behind_px=(DIM_BEHIND_PX,))
+        blur_px = self._blur_px(detection)
+        return refine_tip(patches[0], tip, end_px, blur_px=blur_px, behind_px=(DIM_BEHIND_PX,))
+
+    def _blur_px(self, detection: Detection) -> float:
+        """Return the blur of the shaft's edges, which motion across it adds to, or else of the picture."""
+        return max(detection.fit.blur_px, self._focus.blur_px)
 
 
 def _doubted(step: TipEstimate, inside_px: float, expected_px: float) -> TipEstimate:

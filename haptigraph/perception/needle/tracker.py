@@ -7,6 +7,7 @@ stub outside looks like an empty port. `Tracker.detect` runs the stages, one mod
 
 stage              module          computes
 predict            pose_filter     the expected line and tip, from earlier images
+focus              focus           how blurred the picture is, in every 16th image
 search             search          candidate lines, if no needle is tracked or it was lost
 visible globe      visible_globe   whether there is an eye at all, before a needle is acquired
 rectify            rectify         the strip along a line, and a tip patch, less the background
@@ -32,6 +33,7 @@ from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.needle.background import Background, occluded_ends
 from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import estimate_coarse_tip
+from haptigraph.perception.needle.focus import Focus
 from haptigraph.perception.needle.pose_filter import PoseFilter
 from haptigraph.perception.needle.rectify import MAX_TURN_RAD, EyeGeometry, Line, RectifiedStrip, stations
 from haptigraph.perception.needle.search import PolarSearch
@@ -86,7 +88,8 @@ class Tracker:
         self._is_globe_visible = VisibleGlobe(self._eye)
         self._background = Background(self._eye, registration.background)
         self._bevel = Bevel()
-        self._tip_selector = TipSelector(self._eye, self._background, self._bevel)
+        self._focus = Focus(self._eye)
+        self._tip_selector = TipSelector(self._eye, self._background, self._bevel, self._focus)
         self.reset()
 
     def reset(self) -> None:
@@ -94,6 +97,7 @@ class Tracker:
         self._background.reset()
         self._pose.reset()
         self._bevel.reset()
+        self._focus.reset()
         self._usual_grey: float | None = None
         self._appearance: Appearance = NEW
         self._doubts = 0
@@ -116,6 +120,7 @@ class Tracker:
     def detect(self, image: Image, stamp_ns: int) -> Detection | None:
         """Process one image; return what was measured in it alone, None if there is no needle."""
         self._is_eye_visible = True
+        self._focus.measure(image)
         expected = self._predict(stamp_ns)
         detection = self._track(image, *expected) if expected else None
         if detection is None:

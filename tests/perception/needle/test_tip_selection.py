@@ -7,6 +7,7 @@ import pytest
 from haptigraph.perception.needle.background import MAX_CHROMA, Background
 from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import TipEstimate, estimate_coarse_tip
+from haptigraph.perception.needle.focus import Focus
 from haptigraph.perception.needle.rectify import EyeGeometry, Line, stations
 from haptigraph.perception.needle.shaft_line import fit_line
 from haptigraph.perception.needle.tip_selection import Candidate, Detection, TipSelector
@@ -53,7 +54,7 @@ def detected(
     coarse = estimate_coarse_tip(strip, eye.px_per_mm, None)
     fit = fit_line(strip, coarse.u_px, strip.half_px)
     detection = Detection(Candidate(line, strip, None, coarse), line, fit, coarse)
-    return TipSelector(eye, background, Bevel()), detection
+    return TipSelector(eye, background, Bevel(), Focus(eye)), detection
 
 
 @pytest.mark.parametrize("short_px", [0.0, 8.0, 12.0, 16.0])
