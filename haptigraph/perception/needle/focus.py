@@ -12,15 +12,15 @@ import numpy as np
 
 from haptigraph.imaging import FloatImage, grey_of
 from haptigraph.messages import Image
-from haptigraph.perception.needle.rectify import EyeGeometry, median
+from haptigraph.perception.needle.rectify import RIM_MISS_MM, EyeGeometry, median
 
 __all__ = ["Focus"]
 
 EVERY = 16  # images between two measurements
 RAYS, MIN_RAYS = 60, 8  # around the globe, and with an edge
-MISS_MM, MIN_REACH_PX = 0.6, 6  # between the registered rim and the actual one
+MIN_REACH_PX = 6  # to either side of the rim
 TAP_PX = np.arange(-3, 4)
-SLOPE = TAP_PX * np.exp(-(TAP_PX**2) / 2)  # as across a shaft
+SLOPE = TAP_PX * np.exp(-(TAP_PX**2) / 2)  # as `native/edges.c` across a shaft
 SLOPE_BLUR_PX2 = 1.25  # of this filter, and of taking a maximum's curvature from its neighbours
 MIN_SHARE = 0.5  # of the usual slope
 SHARP_SHARE = 0.25  # of the rays, which motion and anatomy blur least
@@ -35,12 +35,10 @@ class Focus:
     """
 
     def __init__(self, eye: EyeGeometry) -> None:
-        reach_px = max(round(MISS_MM * eye.px_per_mm), MIN_REACH_PX) + TAP_PX[-1]
+        reach_px = max(round(RIM_MISS_MM * eye.px_per_mm), MIN_REACH_PX) + TAP_PX[-1]
         radius_px = eye.inner_px + np.arange(-reach_px, reach_px + 1)
-        angle = np.linspace(0, 2 * np.pi, RAYS, endpoint=False)[:, None]
-        x, y = (eye.center_px[0] + radius_px * np.cos(angle), eye.center_px[1] + radius_px * np.sin(angle))
-        in_view = ((x >= 0) & (y >= 0) & (x <= eye.width_px - 1) & (y <= eye.height_px - 1)).all(axis=1)
-        self._positions_px = x[in_view].astype(np.float32), y[in_view].astype(np.float32)
+        (x_px, y_px), in_view = eye.rays(radius_px, RAYS)
+        self._positions_px = x_px[in_view], y_px[in_view]
         self.reset()
 
     def reset(self) -> None:

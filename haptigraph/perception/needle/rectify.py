@@ -25,6 +25,7 @@ from haptigraph.registration.camera import Registration
 
 __all__ = [
     "MAX_TURN_RAD",
+    "RIM_MISS_MM",
     "STATION_PX",
     "UNOBSERVED",
     "EyeGeometry",
@@ -47,6 +48,8 @@ MARGIN_PX = 6
 RIM_PX = 1.5
 FAR_PX = 1.0  # beyond the far wall's edge a tip that touches it may still be visible
 WALL_MARGIN_MM = 0.1
+RIM_MISS_MM = 0.6
+"""Between the registered rim and the actual one."""
 BEYOND_MM = 0.5  # past the far wall: a tip may be pushed into the retina
 
 
@@ -131,6 +134,22 @@ class EyeGeometry:
         y, x = np.ogrid[: self.height_px, : self.width_px]
         (center_x, center_y), radius = self.center_px, self.outer_px
         return np.asarray((x - center_x) ** 2 + (y - center_y) ** 2 < radius**2, np.bool_)
+
+    def rays(self, radius_px: NDArray[Any], count: int) -> tuple[tuple[FloatImage, FloatImage], Mask]:
+        """Return positions along rays from the globe's centre, and which rays are in view.
+
+        Args:
+            radius_px: (n,), distances from the centre.
+            count: Of rays, all around.
+
+        Returns:
+            x and y, (count, n) each, and a mask, (count,).
+        """
+        angle_rad = np.linspace(0, 2 * np.pi, count, endpoint=False)[:, None]
+        x = self.center_px[0] + radius_px * np.cos(angle_rad)
+        y = self.center_px[1] + radius_px * np.sin(angle_rad)
+        in_view = (x >= 0) & (y >= 0) & (x <= self.width_px - 1) & (y <= self.height_px - 1)
+        return (x.astype(np.float32), y.astype(np.float32)), np.asarray(in_view.all(axis=1), np.bool_)
 
     def wall_px(self, line: Line) -> tuple[float, float, float] | None:
         """Return where a line enters and leaves the wall and meets the far side; None if it misses."""

@@ -55,7 +55,7 @@ def refine_tip(
         tip: The approximate tip.
         about_px: Where along the patch the tip is, to some pixels.
         off_axis_px: How far from the patch's middle the shaft is there.
-        blur_px: Standard deviation of the blur across the shaft's edges.
+        blur_px: Standard deviation of the blur, of the shaft's edges or of the picture.
         behind_px: Lengths over which the needle's contrast is measured, one per round.
         uses_chroma: Whether the contrast is that of its colour, too.
 

@@ -9,14 +9,13 @@ import numpy as np
 
 from haptigraph.imaging import grey_of
 from haptigraph.messages import Image
-from haptigraph.perception.needle.rectify import EyeGeometry
+from haptigraph.perception.needle.rectify import RIM_MISS_MM, EyeGeometry
 
 __all__ = ["VisibleGlobe"]
 
 SECTORS, RAYS = 24, 15  # around the globe, and in each, whose mean has less noise and texture
 REACH_MM, STEP_MM = 2.0, 0.1  # to either side of the rim
 EDGE = 4  # steps over which an edge is measured
-MISS_MM = 0.6  # between the registered rim and the actual one
 MIN_RATIO = 4.0  # of the edge at the rim to that elsewhere
 
 
@@ -30,13 +29,10 @@ class VisibleGlobe:
     def __init__(self, eye: EyeGeometry) -> None:
         steps = round(REACH_MM / STEP_MM)
         radius_px = eye.inner_px + STEP_MM * eye.px_per_mm * np.arange(-steps, steps + 1)
-        angle = np.linspace(0, 2 * np.pi, SECTORS * RAYS, endpoint=False)[:, None]
-        x, y = (eye.center_px[0] + radius_px * np.cos(angle), eye.center_px[1] + radius_px * np.sin(angle))
-        in_view = (x >= 0) & (y >= 0) & (x <= eye.width_px - 1) & (y <= eye.height_px - 1)
-        self._in_view = in_view.reshape(SECTORS, -1).all(axis=1)
-        self._positions_px = x.astype(np.float32), y.astype(np.float32)
+        self._positions_px, in_view = eye.rays(radius_px, SECTORS * RAYS)
+        self._in_view = in_view.reshape(SECTORS, RAYS).all(axis=1)
         off_mm = np.abs(STEP_MM * (np.arange(2 * steps + 1 - EDGE) - steps + EDGE / 2))
-        self._is_rim = off_mm <= MISS_MM
+        self._is_rim = off_mm <= RIM_MISS_MM
 
     def __call__(self, image: Image) -> bool:
         """Return whether an image shows it; also if its rim is out of view, so that nobody can tell.

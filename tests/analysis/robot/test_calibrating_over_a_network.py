@@ -130,13 +130,15 @@ def test_a_robot_on_the_network_touches_the_points(touching, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("disturb", "reason"), [("fall_silent", "reported no pose"), ("shake", "the robot moved by")]
+    ("disturb", "reason"),
+    [(Touching.fall_silent, "reported no pose"), (Touching.shake, "the robot moved by")],
+    ids=["not heard", "moved"],
 )
 def test_asks_again_for_a_point_that_was_not_taken(touching, disturb, reason):
     """Points that were touched before are kept."""
     first, second, *rest = POINTS
-    asked = touching.touch_all(touching.read_question(), [first])
-    getattr(touching, disturb)()
+    touching.touch_all(touching.read_question(), [first])
+    disturb(touching)
     touching.press_enter()
     asked = touching.read_question()
     assert reason in asked and f"touch {second} " in asked

@@ -1,3 +1,4 @@
+from functools import cache
 from itertools import pairwise
 
 import cv2
@@ -17,6 +18,7 @@ from haptigraph.sim.scenario import load_scenario
 def show(request):
     """A function that returns the registration, and an image with so much blur of the lens, in px."""
 
+    @cache
     def shown(blur_px):
         scenario = load_scenario("align_then_approach")
         camera = replace(scenario.camera, blur_px=blur_px)
