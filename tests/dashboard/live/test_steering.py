@@ -241,9 +241,15 @@ BEYOND_EDGE = """(({forceps_line, membrane_edge}) => {
 """Whether the jaws are beyond the edge; both are visible."""
 
 
+def distance_to_edge_mm(page):
+    """The distance in the next image in which both are visible."""
+    distance = "page.header.measures.distance_to_edge_mm"
+    return until(page, f"{distance} != null && [{distance}]")[0]
+
+
 def bring_to_the_edge(page):
     """Move down in fine motion, and up if a slow machine noticed too late that the jaws passed the edge."""
-    while evaluate(page, "page.header.measures.distance_to_edge_mm") > 0.25:
+    while distance_to_edge_mm(page) > 0.25:
         is_beyond = evaluate(page, BEYOND_EDGE)
         passed = f"({BEYOND_EDGE}) !== {str(is_beyond).lower()}"
         key = "ArrowUp" if is_beyond else "ArrowDown"
