@@ -10,6 +10,7 @@ import time
 
 from haptigraph.clock import Clock
 from haptigraph.robot import loop, opening, process
+from haptigraph.robot.gate import LATCHED
 from haptigraph.robot.pose import ToolPose
 from haptigraph.robot.simulated import SimulatedRobot
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
@@ -42,10 +43,13 @@ class TracedRobot(SimulatedRobot):
 
 
 def steer(uri: str, setup: str) -> None:
-    """Switch on when the robot is ready, and move it without end, slowly to and fro."""
+    """Switch on when the robot is ready, and move it without end, slowly to and fro.
+
+    If it is interrupted before it ever moved, switch off and on again, as an operator would.
+    """
     process.PROGRAM = [sys.executable, __file__]
     robot = process.RobotProcess(uri, setup, TeleopSettings(motion_scale=1.0, tremor_filter=False))
-    before, number = "", 0
+    before, number, has_moved = "", 0, False
     while True:
         time.sleep(PERIOD_S)
         number += 1
@@ -53,8 +57,11 @@ def steer(uri: str, setup: str) -> None:
         status = robot.status()
         reading = status.reading
         is_ready = reading is not None and reading.operating is not None and reading.operating.is_homed
+        has_moved |= status.is_moving
         if is_ready and not status.is_switched_on:
             robot.set_enabled(True)
+        elif LATCHED in status.reasons and not has_moved:
+            robot.set_enabled(False)
         line = f"{robot._process.pid} {'moving' if status.is_moving else '; '.join(status.reasons)}"
         if line != before:
             sys.stdout.write(line + "\n")
