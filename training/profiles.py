@@ -34,12 +34,20 @@ class Judged(NamedTuple):
     column_mm: float
     is_likely: NDArray[np.bool_]
     """Columns in which it was found, (n,)."""
+    is_inside: NDArray[np.bool_]
+    """Columns in which the true RPE is inside the image, (n,)."""
     is_deep: NDArray[np.bool_]
     """Whether it is too deep there, or in a needle's shadow."""
 
+    @property
+    def is_learned(self) -> NDArray[np.bool_]:
+        """Columns that are learned from, (n,)."""
+        return self.is_likely & self.is_inside
+
     def profiles(self) -> NDArray[np.float16]:
-        """Return what the network is given, (likely columns, values)."""
-        return averaged(self.grey, self.levels, self.column_mm)[self.is_likely].astype(np.float16)
+        """Return what the network is given, (n, values)."""
+        values = averaged(self.grey, self.levels, self.column_mm) * self.is_likely[:, None]
+        return values.astype(np.float16)
 
 
 def scene_of(kind: str, number: int, seed: int = TRAINING_SEED) -> BscanScene:
@@ -64,11 +72,11 @@ def judge(model: OnnxModel, scene: BscanScene) -> Judged:
     columns = np.arange(scan.image.shape[1])
     true_px = np.interp(found.x_px, columns, scan.truth.rpe_px)
     is_lit = scan.truth.rpe_lit[np.rint(found.x_px).astype(np.intp)]
-    is_inside = (true_px > EDGE_PX) & (true_px < len(scan.image) - EDGE_PX)
     return Judged(
         grey=np.rint(grey).astype(np.uint8),
         levels=levels,
         column_mm=scan.image.shape[1] * scale_mm[0] / len(row_px),
-        is_likely=found.rpe_visible & is_inside,
+        is_likely=found.rpe_visible,
+        is_inside=(true_px > EDGE_PX) & (true_px < len(scan.image) - EDGE_PX),
         is_deep=((row_px - true_px) * scale_mm[1] > DEEP_MM) | ~is_lit,
     )

@@ -12,12 +12,12 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-import onnx
 import torch
 from torch import nn
 
 from haptigraph.sim.oct.bscan import CLASSES
 from training.data import SIDE_PX, Example, batches, draw, simulate
+from training.onnx_file import write_onnx
 from training.report import TrainingRun, write_report
 from training.train_profiles import write_profile_net
 from training.unet import SmallUNet
@@ -41,8 +41,7 @@ def main() -> None:
         validation = list(pool.map(_validation_example, range(args.examples // 20 + 1)))
     print(f"{len(examples)} B-scans simulated in {time.monotonic() - start_s:.0f} s", flush=True)
     file = args.output / "bscan_unet.onnx"
-    net = train(examples, validation, args.steps, file)
-    export(net, file)
+    train(examples, validation, args.steps, file)
     minutes = (time.monotonic() - start_s) / 60
     busy_minutes = sum(os.times()[:4]) / 60
     print(f"trained in {minutes:.1f} minutes, {busy_minutes:.1f} of them processor time", flush=True)
@@ -72,7 +71,7 @@ def parse_arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def train(examples: list[Example], validation: list[Example], steps: int, file: Path) -> SmallUNet:
+def train(examples: list[Example], validation: list[Example], steps: int, file: Path) -> None:
     """Train a network for `steps` batches, exporting it to `file` along the way."""
     rng = np.random.default_rng(SEED)
     net = SmallUNet(len(CLASSES)).to(memory_format=torch.channels_last)
@@ -98,7 +97,6 @@ def train(examples: list[Example], validation: list[Example], steps: int, file: 
         if number % 500 == 0 or number == steps:
             print(f"      validation loss: {validation_loss(net, validation, loss_function):.4f}", flush=True)
             export(net, file)
-    return net
 
 
 def validation_loss(net: SmallUNet, examples: list[Example], loss_function: nn.Module) -> float:
@@ -115,26 +113,8 @@ def validation_loss(net: SmallUNet, examples: list[Example], loss_function: nn.M
 
 
 def export(net: SmallUNet, file: Path) -> None:
-    """Write the network as one ONNX file, including its weights."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    net.eval()
-    image = torch.zeros(1, 1, SIDE_PX, SIDE_PX)
-    program = torch.onnx.export(
-        net, (image,), dynamo=True, input_names=["image"], output_names=["logits"], verbose=False
-    )
-    net.train()
-    program.save(str(file), external_data=False)
-    file.write_bytes(without_metadata(onnx.load(str(file))).SerializeToString())
-    print(f"{file}: {file.stat().st_size / 1e6:.2f} MB", flush=True)
-
-
-def without_metadata(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Remove the exporter's metadata from a network, such as paths of source files on this machine."""
-    parts = (model, model.graph, *model.graph.node, *model.graph.value_info)
-    for part in (*parts, *model.graph.input, *model.graph.output, *model.graph.initializer):
-        part.ClearField("doc_string")
-        part.ClearField("metadata_props")
-    return model
+    """Write the network as it is now."""
+    write_onnx(net, torch.zeros(1, 1, SIDE_PX, SIDE_PX), ("image", "logits"), file)
 
 
 if __name__ == "__main__":

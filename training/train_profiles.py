@@ -1,4 +1,4 @@
-"""Train the network that judges by the profile of grey whether an RPE is too deep.
+"""Train the network that judges by profiles of grey along an RPE where it is too deep.
 
 `python -m training.train_profiles`. Everything is seeded. It learns from the errors of the U-Net, which is
 trained before it.
@@ -13,13 +13,12 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-import onnx
 import torch
-from onnx import TensorProto, helper, numpy_helper
-from torch import nn
+from torch import Tensor, nn
 
 from haptigraph.perception.oct.class_edges import PROFILE_VALUES, PROFILE_WIDTHS_MM
 from haptigraph.perception.oct.onnx_model import OnnxModel
+from training.onnx_file import write_onnx
 from training.profiles import KINDS, Judged, judge, scene_of
 
 __all__ = ["write_profile_net"]
@@ -27,10 +26,13 @@ __all__ = ["write_profile_net"]
 TOML = Path(__file__).parent.parent / "haptigraph" / "models" / "bscan_unet.toml"
 SEED = 8
 HIDDEN, DROPOUT = (96, 24), (0.1, 0.2)
-EPOCHS, BATCH, RATE, DECAY = 6, 1024, 3e-3, 1e-3
+CONTEXT, ALONG, DISTANCES = 32, 5, (1, 3, 9)
+"""Features of a column and its neighbours; number of columns that each layer compares, and their distance."""
+EPOCHS, BATCH, RATE, DECAY = 18, 16, 3e-3, 1e-3
 SAMPLES = PROFILE_VALUES // len(PROFILE_WIDTHS_MM)
 BLURS = 1.0, 2.0, 3.0  # down a profile, standard deviation in samples; as many batches are not blurred
 GAMMA_SD, GAIN_SD, OFFSET_SD = 0.25, 0.08, 0.03
+HALF = 0.5
 PROCESSORS = 2
 
 
@@ -58,105 +60,98 @@ def _model(toml: Path) -> OnnxModel:
 
 
 class ProfileNet(nn.Module):
-    """Two hidden layers; its inputs are standardized by what it was trained on."""
+    """Map profiles in columns beside each other, (n, values), to the logit of being too deep, (n, 1).
+
+    A lesion is larger than the part of it that a profile shows, so each column is judged with its neighbours,
+    up to 26 on either side. Inputs are standardized by what it was trained on.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         first, second = HIDDEN
         self.norm = nn.BatchNorm1d(PROFILE_VALUES, affine=False)
-        self.layers = nn.Sequential(
+        self.alone = nn.Sequential(
             nn.Dropout(DROPOUT[0]),
-            nn.Linear(PROFILE_VALUES, first),
+            nn.Conv1d(PROFILE_VALUES, first, 1),
             nn.ReLU(),
             nn.Dropout(DROPOUT[1]),
-            nn.Linear(first, second),
+            nn.Conv1d(first, second, 1),
             nn.ReLU(),
-            nn.Linear(second, 1),
         )
+        self.widen = nn.Conv1d(second + 1, CONTEXT, 1)
+        self.context = nn.ModuleList(
+            nn.Conv1d(CONTEXT, CONTEXT, ALONG, padding=ALONG // 2 * distance, dilation=distance)
+            for distance in DISTANCES
+        )
+        self.last = nn.Conv1d(CONTEXT, 1, 1)
 
-    def forward(self, profiles: torch.Tensor) -> torch.Tensor:
-        """Return the logit of being too deep, (n, 1)."""
-        return self.layers(self.norm(profiles))
+    def forward(self, profiles: Tensor) -> Tensor:
+        """Return the logits of one image, (n, 1)."""
+        return self.judge(profiles.T[None])[0].T
+
+    def judge(self, profiles: Tensor) -> Tensor:
+        """Return the logits of a batch, (batch, 1, n), of profiles, (batch, values, n)."""
+        is_likely = (profiles != 0).any(dim=1, keepdim=True).to(profiles.dtype)
+        at = self.widen(torch.cat((self.alone(self.norm(profiles)) * is_likely, is_likely), 1))
+        for layer in self.context:
+            at = at + torch.relu(layer(at))
+        return self.last(at)
 
 
 def train(scans: list[Judged]) -> ProfileNet:
     """Train on all columns of all scans; the loss is not weighted, so that probabilities are calibrated."""
-    inputs = torch.from_numpy(np.concatenate([scan.profiles() for scan in scans]))
-    is_deep = np.concatenate([scan.is_deep[scan.is_likely] for scan in scans])
-    target = torch.from_numpy(is_deep.astype(np.float32))[:, None]
-    print(f"{len(target)} columns, in {target.mean():.1%} of which the RPE is too deep", flush=True)
+    inputs = torch.from_numpy(np.stack([scan.profiles().T for scan in scans]))
+    is_learned, is_deep = (
+        torch.from_numpy(np.stack([getattr(scan, name) for scan in scans]).astype(np.float32))[:, None]
+        for name in ("is_learned", "is_deep")
+    )
+    share = (is_learned * is_deep).sum() / is_learned.sum()
+    print(f"{is_learned.sum():.0f} columns, in {share:.1%} of which the RPE is too deep", flush=True)
     net = ProfileNet()
     steps = EPOCHS * (len(inputs) // BATCH)
     optimizer = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=DECAY)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, RATE, total_steps=steps, pct_start=0.1)
-    loss_function = nn.BCEWithLogitsLoss()
+    loss_function = nn.BCEWithLogitsLoss(reduction="none")
     for epoch in range(EPOCHS):
         total = 0.0
         for chosen in _batches(len(inputs)):
+            batch = inputs[chosen].float(), is_learned[chosen], is_deep[chosen]
+            profiles, weight, target = (part.flip(-1) for part in batch) if torch.rand(1) < HALF else batch
             optimizer.zero_grad()
-            loss = loss_function(net(varied(inputs[chosen].float())), target[chosen])
+            loss = (loss_function(net.judge(varied(profiles)), target) * weight).sum() / weight.sum()
             loss.backward()
             optimizer.step()
             schedule.step()
             total += loss.item()
         print(f"epoch {epoch + 1}, loss {total / (len(inputs) // BATCH):.4f}", flush=True)
-    return net.eval()
+    return net
 
 
-def varied(profiles: torch.Tensor) -> torch.Tensor:
-    """Vary sharpness, brightness and contrast as between devices."""
-    count = len(profiles)
-    parts = profiles.view(count, -1, SAMPLES)
+def varied(profiles: Tensor) -> Tensor:
+    """Vary sharpness, brightness and contrast as between devices, (batch, values, n)."""
+    count, _, columns = profiles.shape
+    is_likely = (profiles != 0).any(dim=1, keepdim=True)
+    parts = profiles.view(count, -1, SAMPLES, columns)
     chosen = int(torch.randint(0, 2 * len(BLURS), (1,)))
     if chosen < len(BLURS):
         at = torch.arange(float(SAMPLES))
         weights = torch.exp(-((at[:, None] - at) ** 2) / (2 * BLURS[chosen] ** 2))
-        parts = parts @ (weights / weights.sum(dim=1, keepdim=True)).T
-    if torch.rand(1).item() < 0.5:
-        parts = torch.clamp(parts, min=0) ** torch.exp(GAMMA_SD * torch.randn(count, 1, 1))
-    parts = parts * (1 + GAIN_SD * torch.randn(count, 1, 1)) + OFFSET_SD * torch.randn(count, 1, 1)
-    return parts.reshape(count, -1)
+        parts = (weights / weights.sum(dim=1, keepdim=True)) @ parts
+    if torch.rand(1) < HALF:
+        parts = torch.clamp(parts, min=0) ** torch.exp(GAMMA_SD * torch.randn(count, 1, 1, 1))
+    parts = parts * (1 + GAIN_SD * torch.randn(count, 1, 1, 1)) + OFFSET_SD * torch.randn(count, 1, 1, 1)
+    return parts.reshape(profiles.shape) * is_likely
 
 
-def _batches(count: int) -> Iterator[torch.Tensor]:
+def _batches(count: int) -> Iterator[Tensor]:
     order = torch.randperm(count)
     for number in range(count // BATCH):
         yield order[number * BATCH : (number + 1) * BATCH]
 
 
 def export(net: ProfileNet, file: Path) -> None:
-    """Write the network, its standardization folded into the first layer."""
-    linear = [layer for layer in net.layers if isinstance(layer, nn.Linear)]
-    scale = 1 / torch.sqrt(net.norm.running_var + net.norm.eps)
-    weights = [layer.weight.detach().double() for layer in linear]
-    biases = [layer.bias.detach().double() for layer in linear]
-    biases[0] = biases[0] - weights[0] @ (net.norm.running_mean * scale).double()
-    weights[0] = weights[0] * scale.double()
-    nodes, values, at = [], [], "profiles"
-    for number, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
-        names = f"weight{number}", f"bias{number}"
-        values += [
-            numpy_helper.from_array(part.float().numpy(), name)
-            for part, name in zip((weight, bias), names, strict=True)
-        ]
-        last = number == len(weights) - 1
-        out = "too_deep" if last else f"sum{number}"
-        nodes.append(helper.make_node("Gemm", [at, *names], [out], transB=1))
-        if not last:
-            at = f"hidden{number}"
-            nodes.append(helper.make_node("Relu", [out], [at]))
-    graph = helper.make_graph(
-        nodes,
-        "rpe",
-        [helper.make_tensor_value_info("profiles", TensorProto.FLOAT, ["n", PROFILE_VALUES])],
-        [helper.make_tensor_value_info("too_deep", TensorProto.FLOAT, ["n", 1])],
-        values,
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
-    onnx.checker.check_model(model)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_bytes(model.SerializeToString())
-    print(f"{file}: {file.stat().st_size / 1e6:.2f} MB", flush=True)
+    """Write the network; it takes any number of columns."""
+    write_onnx(net, torch.ones(2 * ALONG, PROFILE_VALUES), ("profiles", "too_deep"), file, any_count=True)
 
 
 def main() -> None:

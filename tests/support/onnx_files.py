@@ -52,10 +52,19 @@ def network(weights: np.ndarray, bias: np.ndarray, shape: list[object]) -> onnx.
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
 
 
-def profile_net(weights: np.ndarray, bias: float) -> onnx.ModelProto:
-    """A second network: the logit of an RPE that is too deep is linear in its profile of grey."""
+def profile_net(weights: np.ndarray, bias: float, *, largest: bool = False) -> onnx.ModelProto:
+    """A second network: the logit of an RPE that is too deep is linear in its profile of grey.
+
+    With `largest`, every column gets the largest of all logits.
+    """
+    nodes = [helper.make_node("Gemm", ["profiles", "weights", "bias"], ["alone" if largest else "too_deep"])]
+    if largest:
+        nodes += [
+            helper.make_node("ReduceMax", ["alone"], ["most"], axes=[0], keepdims=1),
+            helper.make_node("Max", ["alone", "most"], ["too_deep"]),
+        ]
     graph = helper.make_graph(
-        [helper.make_node("Gemm", ["profiles", "weights", "bias"], ["too_deep"])],
+        nodes,
         "profile",
         [helper.make_tensor_value_info("profiles", TensorProto.FLOAT, ["n", len(weights)])],
         [helper.make_tensor_value_info("too_deep", TensorProto.FLOAT, ["n", 1])],

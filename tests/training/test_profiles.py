@@ -12,9 +12,10 @@ from training.profiles import KINDS, judge, scene_of
 def test_the_rpe_of_every_kind_of_scan_is_compared_with_the_true_one(kind):
     one, same = (judge(OnnxModel(), scene_of(kind, 4)) for _ in range(2))
     assert np.array_equal(one.grey, same.grey)
-    assert one.profiles().shape == (one.is_likely.sum(), PROFILE_VALUES)
-    assert one.is_likely.any()
-    assert not one.is_deep[one.is_likely].all()
+    assert one.profiles().shape == (len(one.is_likely), PROFILE_VALUES)
+    assert np.array_equal(one.profiles().any(axis=1), one.is_likely)
+    assert one.is_learned.any()
+    assert not one.is_deep[one.is_learned].all()
 
 
 def test_an_rpe_in_the_needles_shadow_is_to_be_doubted():

@@ -60,13 +60,19 @@ def transmits_light(image: Image, row_px: Floats, mm_per_px: Vec) -> Mask:
     return np.asarray(below - dark_grey > MAX_TRANSMITTED * np.maximum(above - dark_grey, 1.0))
 
 
-def profiles(image: Image, row_px: Floats, mm_per_px: Vec) -> FloatImage:
+def profiles(image: Image, row_px: Floats, is_likely: Mask, mm_per_px: Vec) -> FloatImage:
     """Return the profile of grey across a border in each column, (n, values).
 
-    0 is as dark as the image without backscatter, 1 is bright. Arguments as of `upper_edge`.
+    0 is as dark as the image without backscatter, 1 is bright; all values are 0 where there is no border.
+
+    Args:
+        image: The image, (h, w) or (h, w, 3).
+        row_px: Row of the border in columns of equal width, which together make up the image, (n,).
+        is_likely: The columns in which there is one, (n,).
+        mm_per_px: Lateral and axial scale of the image.
     """
     grey, levels = strip(image, row_px, mm_per_px)
-    return averaged(grey, levels, image.shape[1] * mm_per_px[0] / len(row_px))
+    return averaged(grey, levels, image.shape[1] * mm_per_px[0] / len(row_px)) * is_likely[:, None]
 
 
 def strip(image: Image, row_px: Floats, mm_per_px: Vec) -> tuple[FloatImage, tuple[float, float]]:

@@ -145,12 +145,12 @@ class OnnxModel:
         return self._run(scaled)
 
     def too_deep(self, profiles: FloatImage) -> Floats:
-        """Return the probability that an RPE with such a profile of grey is too deep, (n,).
+        """Return the probability that an RPE with such profiles of grey is too deep, (n,).
 
         Only for a model with `confirmed_by`.
 
         Args:
-            profiles: One for each column, (n, values).
+            profiles: Of neighbouring columns, from left to right, (n, values); zeros where there is no RPE.
         """
         logits = self._second.run(None, {self._second.get_inputs()[0].name: profiles})[0]
         return np.asarray(1 / (1 + np.exp(-np.clip(logits[:, 0], -50, 50))), np.float64)

@@ -30,9 +30,8 @@ __all__ = ["SegmentationPerceiver", "interpret", "likely_layers"]
 
 COLUMNS = 128  # largest number of columns in which surfaces are sampled
 RPE_DEPTH_COST = 4.0  # an RPE that is reported too deep is the worse error
-CERTAIN, DOUBTED = 0.0007, 0.3  # probability, by the profile of grey, that an RPE is too deep
-MAX_DOUBTED = 0.03  # share of an image's RPE
-MAX_TIMES_USUAL = 5.0  # probability, relative to its median in the image
+CERTAIN, DOUBTED = 0.001, 0.3  # probability, by the profiles of grey, that an RPE is too deep
+EVEN = 0.2, 3.0  # probability, relative to its median in an image: least of nine in ten columns; largest
 ILM_MARGIN_MM = (
     0.026  # nearer to the ILM than this, the needle may continue in tissue, where it is not visible
 )
@@ -101,41 +100,40 @@ def interpret(
     model = network.spec
     scaling = Scaling(image.shape[1] / width, image.shape[0] / height, *mm_per_px)
     ilm, rpe, likely = likely_layers(maps, model, scaling)
-    is_below = rpe.rows > ilm.rows
-    rpe_px, is_rpe = likely.rpe_px, rpe.is_visible & is_below
+    rpe_px, is_rpe = likely.rpe_px, rpe.is_visible & (rpe.rows > ilm.rows)
     if model.entity.rpe is not None and model.entity.rpe.upper_edge:
         kept = image[:, : round(width // len(rpe_px) * len(rpe_px) * scaling.across)]
         rpe_px, is_first = upper_edge(kept, rpe_px, mm_per_px)
         is_undisputed = is_first & ~transmits_light(kept, rpe_px, mm_per_px)
         if model.entity.rpe.confirmed_by:
-            too_deep = network.too_deep(profiles(kept, rpe_px, mm_per_px))
-            is_rpe = _confirmed(too_deep, likely.rpe_visible, is_rpe, is_undisputed)
+            too_deep = network.too_deep(profiles(kept, rpe_px, likely.rpe_visible, mm_per_px))
+            is_rpe = _confirmed(too_deep, likely.rpe_visible, is_undisputed)
         else:
-            is_rpe = is_rpe & without_neighbours(is_undisputed)
+            is_rpe &= without_neighbours(is_undisputed)
     layers = likely._replace(
         ilm_visible=without_specks(ilm.is_visible), rpe_px=rpe_px, rpe_visible=without_specks(is_rpe)
     )
     return layers, _shaft(maps, model, image, likely, scaling)
 
 
-def _confirmed(too_deep: Floats, is_likely: Mask, is_consistent: Mask, is_undisputed: Mask) -> Mask:
-    """Return the columns in which profiles of grey confirm the RPE.
+def _confirmed(too_deep: Floats, is_likely: Mask, is_undisputed: Mask) -> Mask:
+    """Return the columns, (n,), in which the second network confirms the RPE.
 
-    Where the second network is certain, that suffices. Elsewhere neither the first network nor the image may
-    contradict the RPE, and it must not be doubted much more than elsewhere in the image. With much doubt in
-    one part of an image only certain columns are left: a lesion is larger than the part that is recognized.
+    Where it is certain, that suffices. If it is evenly uncertain and doubts no part of an image, noise causes
+    that rather than a lesion. Then columns are confirmed, too, that are not doubted much more than others and
+    that the image does not contradict.
 
     Args:
         too_deep: Probability that the RPE is too deep, (n,), as are the others.
         is_likely: Where there is one at all.
-        is_consistent: Where the first network agrees with itself.
         is_undisputed: Where no other edge and no light below contradict it.
     """
-    is_certain = without_neighbours(is_likely & (too_deep < CERTAIN))
-    if not is_likely.any() or (too_deep[is_likely] > DOUBTED).mean() > MAX_DOUBTED:
-        return is_certain
-    limit = min(DOUBTED, MAX_TIMES_USUAL * float(np.median(too_deep[is_likely])))
-    return np.asarray(is_certain | (is_consistent & without_neighbours(is_undisputed & (too_deep < limit))))
+    is_confirmed = without_neighbours(is_likely & (too_deep < CERTAIN))
+    if is_likely.any():
+        low, usual = np.percentile(too_deep[is_likely], (10, 50))
+        if low > EVEN[0] * usual and too_deep[is_likely].max() < DOUBTED:
+            is_confirmed |= without_neighbours(is_likely & is_undisputed & (too_deep < EVEN[1] * usual))
+    return is_confirmed
 
 
 def likely_layers(maps: FloatImage, model: ModelFile, scaling: Scaling) -> tuple[Rows, Rows, Layers]:

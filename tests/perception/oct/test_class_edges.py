@@ -8,6 +8,7 @@ from haptigraph.perception.oct.class_edges import PROFILE_VALUES, profiles, tran
 
 MM_PER_PX = 0.008, 0.003
 WIDTH, COLUMNS = 512, 128
+EVERYWHERE = np.ones(COLUMNS, bool)
 DARK, BRIGHT = 60, 160
 
 
@@ -109,7 +110,7 @@ def test_transmitted_light_does_not_depend_on_the_resolution(scale):
 
 def test_a_profile_shows_the_tissue_across_a_border():
     image = retina((90, 90))
-    values = profiles(image, np.full(COLUMNS, 119.5), MM_PER_PX)
+    values = profiles(image, np.full(COLUMNS, 119.5), EVERYWHERE, MM_PER_PX)
     assert values.shape == (COLUMNS, PROFILE_VALUES)
     across = values.reshape(COLUMNS, 3, -1)
     assert across[:, :, 20:44].mean() == pytest.approx((110 - 20) / (200 - 20), abs=0.02)
@@ -122,7 +123,8 @@ def test_a_profile_does_not_depend_on_brightness_and_contrast(gain, offset):
     image = noisy(retina((90, 130)), 4)
     row_px = np.full(COLUMNS, 119.5)
     one, other = (
-        profiles(each, row_px, MM_PER_PX) for each in (image, (gain * image + offset).astype(np.uint8))
+        profiles(each, row_px, EVERYWHERE, MM_PER_PX)
+        for each in (image, np.clip(gain * image + offset, 0, 255).astype(np.uint8))
     )
     assert np.abs(one - other).max() < 0.05
 
@@ -132,11 +134,19 @@ def test_a_profile_does_not_depend_on_the_resolution(scale):
     image = noisy(retina((90, 130)), 5, sd_grey=3)
     other = cv2.resize(image, None, fx=1, fy=scale, interpolation=cv2.INTER_LINEAR)
     row_px = np.full(COLUMNS, 119.5)
-    one = profiles(image, row_px, MM_PER_PX)
-    same = profiles(other, (row_px + 0.5) * scale - 0.5, (MM_PER_PX[0], MM_PER_PX[1] / scale))
+    one = profiles(image, row_px, EVERYWHERE, MM_PER_PX)
+    same = profiles(other, (row_px + 0.5) * scale - 0.5, EVERYWHERE, (MM_PER_PX[0], MM_PER_PX[1] / scale))
     assert np.median(np.abs(one - same)) < 0.02
+
+
+def test_columns_without_a_border_have_no_profile():
+    is_likely = np.arange(COLUMNS) > COLUMNS // 3
+    image, row_px = noisy(retina((90, 130)), 6), np.full(COLUMNS, 119.5)
+    values = profiles(image, row_px, is_likely, MM_PER_PX)
+    assert not values[~is_likely].any()
+    assert np.array_equal(values[is_likely], profiles(image, row_px, EVERYWHERE, MM_PER_PX)[is_likely])
 
 
 def test_a_blank_image_has_flat_profiles():
     image = np.full((256, WIDTH), 130, np.uint8)
-    assert not profiles(image, np.full(COLUMNS, 120.0), MM_PER_PX).any()
+    assert not profiles(image, np.full(COLUMNS, 120.0), EVERYWHERE, MM_PER_PX).any()
