@@ -133,7 +133,16 @@ def find_needle(scan: ScanImage, surfaces: Surfaces, dark_grey: float) -> tuple[
     if found is None:
         return None, surfaces
     shaft = Shaft(Ridge(found.line, ridges.step_px), found.end_steps, found.share, found.typical_grey)
-    return _with_tip(scan, shaft, surfaces), surfaces
+    needle = _with_tip(scan, shaft, surfaces)
+    return needle, _without_half_shadow(scan, surfaces, needle.tip_px[0])
+
+
+def _without_half_shadow(scan: ScanImage, surfaces: Surfaces, edge_x: float) -> Surfaces:
+    """Leave out the column in which a shadow's edge lies: half of it shows no tissue."""
+    is_whole = np.abs(surfaces.x_px - edge_x) > scan.column_px / 2
+    return surfaces._replace(
+        ilm_visible=surfaces.ilm_visible & is_whole, rpe_visible=surfaces.rpe_visible & is_whole
+    )
 
 
 def _shaft_search(scan: ScanImage, tissue_grey: float) -> ShaftSearch:

@@ -134,6 +134,18 @@ def test_interpolation_below_the_tip_is_marked_and_ends_in_the_shadow():
     assert any(left - 1e-6 <= x[beyond.argmax()] <= right + 1e-6 for left, right in parts)
 
 
+def test_a_column_half_in_the_needles_shadow_shows_no_surface(results):
+    found = [(seen, image) for *_, seen, image in results if "needle_tip" in seen.found]
+    for seen, image in found:
+        edge_x = image.to_px(seen.found["needle_tip"].at_mm)[0]
+        for name in {"ilm", "rpe"} & set(seen.found):
+            x, _ = in_px(seen.found, name, image)
+            half_px = np.diff(x).min() / 2
+            is_visible = visible_columns_of(seen, name, x, image)
+            assert not (np.abs(x[is_visible] - edge_x) < half_px - 1).any()
+    assert len(found) > SCENES / 2
+
+
 def test_interpolation_across_a_vessels_shadow_is_marked():
     scene = random_scene(5, 8, place="none", vessels=3, vessel_db=40.0)
     perceive, image = perceiver_of(scene)

@@ -235,6 +235,7 @@ def test_a_scan_of_another_resolution_has_the_same_lengths(factor):
         pytest.param(13, 34003, {"vessels": 0}, id="a bent end of the RPE"),
         pytest.param(54, 1023, {"vessels": 8, "vessel_db": 14.0}, id="a short shaft at the border"),
         pytest.param(37, 71003, {"signal_db": 3.0}, id="metal visible beyond the shadow's edge"),
+        pytest.param(48, 189033, {"signal_db": -6.0}, id="a column half in the shadow"),
     ],
 )
 def test_a_difficult_scan_of_another_resolution_has_the_same_lengths(number, seed, fixed, factor):
