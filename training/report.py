@@ -285,10 +285,12 @@ def _titled(canvas: Image, scale_mm: tuple[float, float], text: str) -> Image:
     """Write a title, and draw bars of 0.5 mm across and along the beam."""
     right, bottom = canvas.shape[1] - 12, canvas.shape[0] - 40
     left, top = right - round(BAR_MM / scale_mm[0]), bottom - round(BAR_MM / scale_mm[1])
-    label_at = (left, bottom - 6)
+    font = cv2.FONT_HERSHEY_SIMPLEX
+    (label_width, _), _ = cv2.getTextSize("0.5 mm", font, 0.5, 1)
+    label_at = (min(left, right - label_width - 6), bottom - 6)
     for color, width_px in ((OUTLINE, 4), (TRUE, 1)):  # readable on bright tissue, too
-        cv2.putText(canvas, text, (8, 500), cv2.FONT_HERSHEY_SIMPLEX, 0.6, color, width_px, cv2.LINE_AA)
-        cv2.putText(canvas, "0.5 mm", label_at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, color, width_px, cv2.LINE_AA)
+        cv2.putText(canvas, text, (8, 500), font, 0.6, color, width_px, cv2.LINE_AA)
+        cv2.putText(canvas, "0.5 mm", label_at, font, 0.5, color, width_px, cv2.LINE_AA)
         cv2.line(canvas, (left, bottom), (right, bottom), color, width_px + 1)
         cv2.line(canvas, (right, bottom), (right, top), color, width_px + 1)
     return canvas
