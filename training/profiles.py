@@ -46,8 +46,7 @@ class Judged(NamedTuple):
 
     def profiles(self) -> NDArray[np.float16]:
         """Return what the network is given, (n, values)."""
-        values = averaged(self.grey, self.levels, self.column_mm) * self.is_likely[:, None]
-        return values.astype(np.float16)
+        return averaged(self.grey, self.levels, self.column_mm, self.is_likely).astype(np.float16)
 
 
 def scene_of(kind: str, number: int, seed: int = TRAINING_SEED) -> BscanScene:

@@ -72,7 +72,7 @@ def profiles(image: Image, row_px: Floats, is_likely: Mask, mm_per_px: Vec) -> F
         mm_per_px: Lateral and axial scale of the image.
     """
     grey, levels = strip(image, row_px, mm_per_px)
-    return averaged(grey, levels, image.shape[1] * mm_per_px[0] / len(row_px)) * is_likely[:, None]
+    return averaged(grey, levels, image.shape[1] * mm_per_px[0] / len(row_px), is_likely)
 
 
 def strip(image: Image, row_px: Floats, mm_per_px: Vec) -> tuple[FloatImage, tuple[float, float]]:
@@ -84,13 +84,13 @@ def strip(image: Image, row_px: Floats, mm_per_px: Vec) -> tuple[FloatImage, tup
     return flat, (float(dark), float(bright))
 
 
-def averaged(grey: FloatImage, levels: tuple[float, float], column_mm: float) -> FloatImage:
-    """Return the profiles, (n, values), of a strip whose columns are so wide."""
+def averaged(grey: FloatImage, levels: tuple[float, float], column_mm: float, is_likely: Mask) -> FloatImage:
+    """Return the profiles, (n, values), of a strip whose columns are so wide; 0 where there is no border."""
     dark, bright = levels
     relative = (np.asarray(grey, np.float32) - np.float32(dark)) / np.float32(max(bright - dark, 1.0))
     halves = (max(MIN_ALONG_COLUMNS, round(width_mm / column_mm)) for width_mm in PROFILE_WIDTHS_MM)
     means = [cv2.blur(relative, (2 * half + 1, 1), borderType=cv2.BORDER_REPLICATE) for half in halves]
-    return np.ascontiguousarray(np.concatenate(means).T, np.float32)
+    return np.ascontiguousarray(np.concatenate(means).T * is_likely[:, None], np.float32)
 
 
 def _mean_along(
