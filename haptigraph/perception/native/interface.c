@@ -97,8 +97,8 @@ EXPORT const Entry entries[] = {
     SIZE(Columns), F(x_px), F(row_px), F(sd_px), F(is_visible), F(count),
 #undef F
 #define F(field) FIELD(LineLimits, field)
-    SIZE(LineLimits), F(tip_px), F(beyond_px), F(most_px), F(slope_sd), F(center_px), F(right_mm), F(down_mm),
-    F(shares), F(slope_columns),
+    SIZE(LineLimits), F(tip_px), F(beyond_px), F(alone_px), F(parallel_px), F(slope_sd), F(center_px), F(right_mm),
+    F(down_mm), F(shares), F(slope_columns),
     {0}};
 
 EXPORT const uint32_t sources = SOURCES;

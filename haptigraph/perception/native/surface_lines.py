@@ -17,7 +17,7 @@ __all__ = ["LineLimits", "SurfaceColumns", "SurfaceLines", "surface_lines"]
 _COLUMNS = LIBRARY.layout("Columns", ("p", "x_px row_px sd_px is_visible"), ("i", "count"))
 _LINE_LIMITS = LIBRARY.layout(
     "LineLimits",
-    ("d", "tip_px beyond_px most_px slope_sd center_px right_mm down_mm shares"),
+    ("d", "tip_px beyond_px alone_px parallel_px slope_sd center_px right_mm down_mm shares"),
     ("i", "slope_columns"),
 )
 _surface_lines = LIBRARY.function("surface_lines", "ppppppp", ctypes.c_int)
@@ -47,8 +47,10 @@ class LineLimits(NamedTuple):
     """Column of the tip; NaN if there is none."""
     beyond_px: float
     """Extension of a surface beyond the tip."""
-    most_px: float
+    alone_px: float
     """From the tip to the nearest visible part of a surface; further away, it is not reported."""
+    parallel_px: float
+    """The same of a surface below another, to which it is parallel where it is not visible."""
     slope_sd: float
     """Standard deviation of the slope of what is not visible, in rows per column."""
     center_px: Vec
@@ -66,7 +68,7 @@ class LineLimits(NamedTuple):
             raise ValueError(f"lines: expected 2 to {MAX_SCAN_PX} columns, found {self.slope_columns}")
         (x, y), (one, other) = self.center_px, self.shares
         return pack(
-            _LINE_LIMITS, *self[:4], x, y, self.right_mm, self.down_mm, one, other, self.slope_columns
+            _LINE_LIMITS, *self[:5], x, y, self.right_mm, self.down_mm, one, other, self.slope_columns
         )
 
 

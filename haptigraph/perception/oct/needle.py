@@ -127,22 +127,23 @@ def find_needle(scan: ScanImage, surfaces: Surfaces, dark_grey: float) -> tuple[
     found, ilm_visible, rpe_visible = find_shaft(
         scan.image, scan.grid, ridges, search, SurfacePair(*surfaces[:5])
     )
-    surfaces = surfaces._replace(
+    without_ridge = surfaces._replace(
         ilm_visible=without_specks(ilm_visible), rpe_visible=without_specks(rpe_visible)
     )
     if found is None:
-        return None, surfaces
+        return None, without_ridge
     shaft = Shaft(Ridge(found.line, ridges.step_px), found.end_steps, found.share, found.typical_grey)
-    needle = _with_tip(scan, shaft, surfaces)
-    return needle, _without_half_shadow(scan, surfaces, needle.tip_px[0])
-
-
-def _without_half_shadow(scan: ScanImage, surfaces: Surfaces, edge_x: float) -> Surfaces:
-    """Leave out the column in which a shadow's edge lies: half of it shows no tissue."""
-    is_whole = np.abs(surfaces.x_px - edge_x) > scan.column_px / 2
-    return surfaces._replace(
-        ilm_visible=surfaces.ilm_visible & is_whole, rpe_visible=surfaces.rpe_visible & is_whole
+    needle = _with_tip(scan, shaft, without_ridge)
+    half_px = scan.column_px / 2  # half of the column in which the shadow ends shows no tissue
+    beyond_px = needle.ridge.side * (surfaces.x_px - needle.tip_px[0])
+    ilm_visible, rpe_visible = (
+        np.where(beyond_px > half_px, in_light, elsewhere & (beyond_px < -half_px))
+        for in_light, elsewhere in (
+            (surfaces.ilm_visible, without_ridge.ilm_visible),
+            (surfaces.rpe_visible, without_ridge.rpe_visible),
+        )
     )
+    return needle, surfaces._replace(ilm_visible=ilm_visible, rpe_visible=rpe_visible)
 
 
 def _shaft_search(scan: ScanImage, tissue_grey: float) -> ShaftSearch:

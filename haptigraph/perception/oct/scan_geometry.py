@@ -21,7 +21,7 @@ LINES = ("ilm", "rpe", "subretinal_space", "target_layer")
 SUBRETINAL_SHARE = 0.9
 """Of the distance from ILM to RPE: end of the outer segments, where the space can open."""
 BEYOND_TIP_MM = 0.06  # lateral extension of a surface beyond the tip
-EXTRAPOLATED_MM = 0.47  # further from its visible part, it is not known
+ALONE_MM, PARALLEL_MM = 0.14, 0.47  # further from what is visible, the ILM is not known; the RPE below it
 ON_LINE_MM = 1e-9  # nearer to a line, a point is on it
 SLOPE_SD = 0.07  # standard deviation of the slope of what is not visible, mm per mm
 
@@ -69,7 +69,8 @@ class ObservationBuilder:
         self._limits = LineLimits(
             tip_px=math.nan,
             beyond_px=BEYOND_TIP_MM / image.mm_per_px,
-            most_px=EXTRAPOLATED_MM / image.mm_per_px,
+            alone_px=ALONE_MM / image.mm_per_px,
+            parallel_px=PARALLEL_MM / image.mm_per_px,
             slope_sd=SLOPE_SD * image.mm_per_px / self._axial_mm,
             center_px=image.center_px,
             right_mm=-image.mm_per_px if image.mirrored else image.mm_per_px,

@@ -245,6 +245,15 @@ def test_a_difficult_scan_of_another_resolution_has_the_same_lengths(number, see
     assert tip_mm <= 0.012
 
 
+@pytest.mark.parametrize("number", [13, 17, 19, 23, 25, 26])
+def test_the_ilm_is_visible_right_beside_a_tip_that_touches_it(number):
+    scene = random_scene(number, 5, place="touching")
+    observation = perceiver_of(scene)[0](Capture(0, 0, scene.take().image))
+    tip_mm, _ = observation.found["needle_tip"].at_mm
+    (ends_mm,) = (part for part in observation.interpolated["ilm"] if min(part) <= tip_mm <= max(part))
+    assert max(abs(end_mm - tip_mm) for end_mm in ends_mm) <= 0.075
+
+
 @pytest.mark.parametrize("number", range(2, 8))
 def test_a_tip_in_tissue_is_not_known_where_its_line_shows_no_metal_above_it(number):
     scene = random_scene(number, 1023, place="inside")

@@ -157,8 +157,9 @@ EXPORT void remove_specks(uint8_t *mask, int columns, int least);
 
 /* How surfaces are reported. */
 typedef struct {
-    double tip_px, beyond_px, most_px; /* column of the tip, NaN for none; beyond it; extrapolated so far */
-    double slope_sd;                   /* of what is not visible, rows per column */
+    double tip_px, beyond_px;     /* column of the tip, NaN for none; beyond it */
+    double alone_px, parallel_px; /* extrapolated so far: by its own slope; parallel to the line above */
+    double slope_sd;              /* of what is not visible, rows per column */
     double center_px[2], right_mm, down_mm; /* the origin, and millimetres per pixel to the right and down */
     double shares[2];                       /* of the layers between ILM and RPE */
     int slope_columns;                      /* from which a surface is extrapolated */

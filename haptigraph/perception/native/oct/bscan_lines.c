@@ -67,7 +67,7 @@ static void trace(const Columns *surface, const Line *above, const LineLimits *l
         nearest_px = minimum(nearest_px, fabs(surface->x_px[column] - limits->tip_px));
     }
     line->count = 0;
-    if (!number || nearest_px > limits->most_px) return;
+    if (!number || nearest_px > (above->count ? limits->parallel_px : limits->alone_px)) return;
     const double *x = surface->x_px, *row = surface->row_px, *sd = surface->sd_px;
     const int first = seen[0], last = seen[number - 1];
     const double before = limits->tip_px - limits->beyond_px, after = limits->tip_px + limits->beyond_px;
