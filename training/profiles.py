@@ -18,7 +18,7 @@ from haptigraph.sim.oct.scenes import PLACES, BscanScene, random_scene
 __all__ = ["KINDS", "Judged", "judge", "scene_of"]
 
 TRAINING_SEED = 700
-KINDS = {"diseased": 5500, "healthy": 1000, "needle": 1000, "plain": 2000}
+KINDS = {"diseased": 11000, "healthy": 2000, "needle": 2000, "plain": 4000}
 """Number of B-scans of each kind."""
 DEEP_MM = 0.01  # an RPE deeper than this is too deep; the score allows 5 px, 11 to 22 µm
 EDGE_PX = 8  # an RPE nearer to the image's upper or lower border is not learned from
