@@ -59,13 +59,53 @@ static double dot(const Across *one, const Across *other, int reach) {
     return sum;
 }
 
+/* Return how much of what is dark in some lanes of a shaft's profile there is beyond, and its power. */
+static double dark_share(const Across *shaft, const Across *beyond, int first, int last, double *power) {
+    double sum = 0;
+    *power = 0;
+    for (int k = first; k <= last; k++) {
+        const double dark = minimum(shaft->excess[k], 0);
+        *power += dark * dark;
+        sum += dark * beyond->excess[k];
+    }
+    return sum / *power;
+}
+
+/* Return the lane in which a profile is darkest, times `sign`: with -1, brightest. */
+static int darkest(const Across *across, int first, int last, int sign) {
+    int best = first;
+    for (int k = first + 1; k <= last; k++) {
+        if (sign * across->excess[k] < sign * across->excess[best]) best = k;
+    }
+    return best;
+}
+
+/* Return how much there is beyond of the dark rims about a shaft's bright middle, of the rim of which there
+   is less: 1 for all of it; 0 if the middle is not `least_grey` brighter than they, as in a shadow, or if the
+   shaft has no such rims. */
+static double rims_share(const Across *shaft, const Across *beyond, int reach, double noise_grey,
+                         double least_grey) {
+    if (reach <= CORE_PX) return 0;
+    const int middle = darkest(shaft, reach - CORE_PX, reach + CORE_PX, -1), last = 2 * reach;
+    const int left = darkest(shaft, 0, middle - 1, 1), right = darkest(shaft, middle + 1, last, 1);
+    double left_grey2, right_grey2;
+    const double left_share = dark_share(shaft, beyond, 0, middle - 1, &left_grey2);
+    const double right_share = dark_share(shaft, beyond, middle + 1, last, &right_grey2);
+    if (shaft->excess[middle] <= 0 || minimum(left_grey2, right_grey2) < square(NOISE_FLOOR * noise_grey)) {
+        return 0;
+    }
+    const double rims_grey = (beyond->excess[left] + beyond->excess[right]) / 2;
+    return beyond->excess[middle] - rims_grey > least_grey ? minimum(left_share, right_share) : 0;
+}
+
 /* Return how much of a shaft's profile, as it is from `start` to before `stop`, the stations from `from` to
-   before `until` show, 1 for all of it and 0 for none; NaN if the shaft does not stand out of the noise. `sd`
-   receives what noise does to it. The shaft's middle is at v = offset_px + slope u. */
+   before `until` show, 1 for all of it and 0 for none; NaN if the shaft does not stand out of the noise.
+   Found are what noise does to it, and the share of dark rims about a bright middle. The shaft's middle is at
+   v = offset_px + slope u. */
 EXPORT double profile_share(const Strip *strip, double offset_px, double slope, int reach, int start,
-                            int stop, int from, int until, double *sd) {
+                            int stop, int from, int until, double *found) {
     Across shaft, beyond;
-    *sd = INFINITY;
+    found[0] = INFINITY, found[1] = 0;
     reach = reach < MAX_REACH_PX ? reach : MAX_REACH_PX;
     if (stop <= start || until <= from || reach < 0) return NAN;
     mean_across(strip, offset_px, slope, reach, start, stop, &shaft);
@@ -75,7 +115,9 @@ EXPORT double profile_share(const Strip *strip, double offset_px, double slope, 
     const double power =
         dot(&shaft, &shaft, reach) - channels * (2 * reach + 1) * noise_grey2 / (stop - start);
     if (power <= noise_grey2 / (until - from)) return NAN;
-    *sd = sqrt(noise_grey2 / power / (until - from));
+    found[0] = sqrt(noise_grey2 / power / (until - from));
+    const double least_grey = NOISE_FLOOR * strip->noise_grey * sqrt(1.5 / (until - from));
+    found[1] = rims_share(&shaft, &beyond, reach, strip->noise_grey, least_grey);
     return dot(&shaft, &beyond, reach) / power;
 }
 

@@ -175,8 +175,8 @@ def contrast_centroid(strip: RectifiedStrip, first: int, last: int, part: slice)
 
 def profile_share(
     strip: RectifiedStrip, offset_px: float, slope: float, reach_px: int, shaft: slice, part: slice
-) -> tuple[float, float]:
-    """Return how much of a shaft's own profile a part of a strip shows, and what noise does to that.
+) -> tuple[float, float, float]:
+    """Return how much of a shaft's own profile a part of a strip shows.
 
     Args:
         strip: The strip.
@@ -188,14 +188,13 @@ def profile_share(
 
     Returns:
         1 for all of the profile and 0 for none, and the standard deviation; nan and inf if the shaft does not
-        stand out of the noise, or a part is empty.
+        stand out of the noise, or a part is empty. And the share of dark rims about a bright middle, of the
+        rim that shows less; 0 without any, or if the middle is no longer brighter.
     """
-    native, sd = _native(strip), ctypes.c_double()
-    share = _profile_share(
-        *(native.packed, float(offset_px), float(slope), index(reach_px)),
-        *(*_span(shaft, native.stations), *_span(part, native.stations), ctypes.byref(sd)),
-    )
-    return float(share), sd.value
+    native, found = _native(strip), _Pair()
+    ends = *_span(shaft, native.stations), *_span(part, native.stations)
+    given = native.packed, float(offset_px), float(slope), index(reach_px)
+    return float(_profile_share(*given, *ends, found)), found[0], found[1]
 
 
 def widening(

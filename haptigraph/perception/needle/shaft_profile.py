@@ -48,8 +48,8 @@ class ShaftProfile:
             tip_px: The apparent tip, inside the globe.
             softly: Whether a quarter of what is before the tip suffices, which few shadows have.
         """
-        share, sd = self._share(tip_px, self._close(tip_px, *BEYOND))
-        before, _ = self._share(tip_px, self._close(tip_px, *BEFORE))
+        share, sd, _ = self._share(tip_px, self._close(tip_px, *BEYOND))
+        before = self._share(tip_px, self._close(tip_px, *BEFORE))[0]
         return share > max(MIN_SHARE, MIN_SNR * sd, (MIN_LEFT_SOFT if softly else MIN_LEFT) * before)
 
     def resumes(self, tip_px: float, until_px: float) -> bool:
@@ -62,11 +62,24 @@ class ShaftProfile:
             until_px: How far along the strip there is contrast.
         """
         beyond, rest = self._between(tip_px, until_px), round(REST_MM * self._px_per_mm / STATION_PX)
-        share, sd = self._share(tip_px, slice(beyond.stop - rest, beyond.stop))
+        share, sd, _ = self._share(tip_px, slice(beyond.stop - rest, beyond.stop))
         if beyond.stop - rest - beyond.start < MIN_GAP or not share > max(MIN_LEFT_SOFT, MIN_SNR * sd):
             return False
         starts = range(beyond.start, beyond.stop - rest - MIN_GAP + 1)
         return any(self._share(tip_px, slice(at, at + MIN_GAP))[0] < MIN_SHARE for at in starts)
+
+    def rims_continue(self, tip_px: float, until_px: float) -> bool:
+        """Return whether a highlight ends at an apparent tip, and the dark rims about it go on.
+
+        Args:
+            tip_px: The apparent tip, inside the globe.
+            until_px: How far along the strip there is contrast.
+        """
+        beyond = self._between(tip_px, until_px)
+        if beyond.stop - beyond.start <= MIN_GAP:
+            return False
+        *_, rims = self._share(tip_px, beyond, SHAFTS_MM[1:])
+        return rims > MIN_LEFT_SOFT
 
     def widens(self, tip_px: float) -> bool:
         """Return whether it gets brighter beside the shaft towards an apparent tip: a bubble is there.
@@ -105,8 +118,8 @@ class ShaftProfile:
         rest_px = until_px - tip_px
         if not 0 < rest_px <= MAX_FAINT_MM * self._px_per_mm:
             return 0.0
-        share, sd = self._share(tip_px, self._between(tip_px, until_px))
-        before, _ = self._share(tip_px, self._close(tip_px, *BEFORE))
+        share, sd, _ = self._share(tip_px, self._between(tip_px, until_px))
+        before = self._share(tip_px, self._close(tip_px, *BEFORE))[0]
         is_clear = min(share, before) > MIN_SNR * sd > 0
         return rest_px * min(share / (MIN_LEFT * before), 1.0) if is_clear else 0.0
 
@@ -117,14 +130,16 @@ class ShaftProfile:
         tip = int(self._strip.u_px.searchsorted(tip_px))
         return slice(max(tip + start, 0), max(tip + stop, 0))
 
-    def _share(self, tip_px: float, part: slice) -> tuple[float, float]:
-        """Return how much some stations show of the profile before a tip, and its standard deviation."""
+    def _share(
+        self, tip_px: float, part: slice, shafts_mm: tuple[tuple[float, float], ...] = SHAFTS_MM
+    ) -> tuple[float, float, float]:
+        """Return how much some stations show of the profile before a tip, its sd, and the share of rims."""
         strip, fit = self._strip, self._fit
         tip = int(strip.u_px.searchsorted(tip_px))
         reach_px = math.ceil(fit.width_px / 2) + REACH_PX
-        for from_mm, until_mm in SHAFTS_MM:
+        for from_mm, until_mm in shafts_mm:
             start = max(tip + round(from_mm * self._px_per_mm / STATION_PX), strip.inside.start)
             stop = tip + round(until_mm * self._px_per_mm / STATION_PX)
             if stop - start >= MIN_SHAFT:
                 return profile_share(strip, fit.offset_px, fit.slope, reach_px, slice(start, stop), part)
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0

@@ -146,8 +146,10 @@ class TipSelector:
         if tip.where != "inside" or tip.u_px - step.u_px <= NEAR_PX:
             return None
         strip, profile = detection.candidate.strip, self._profile(detection)
-        goes_on = profile.continues(step.u_px) or (
-            is_bright(strip, step.u_px, tip.u_px) and profile.resumes(step.u_px, tip.u_px)
+        goes_on = (
+            profile.continues(step.u_px)
+            or (is_bright(strip, step.u_px, tip.u_px) and profile.resumes(step.u_px, tip.u_px))
+            or profile.rims_continue(step.u_px, tip.u_px)
         )
         if not goes_on:
             return None
@@ -248,7 +250,8 @@ class TipSelector:
         end = sharp_end(strip, tip) if tip.where == "inside" else None
         if end is None or _continues_colored(strip, end, tip.u_px):
             return None
-        if self._profile(detection).fades(end.u_px, tip.u_px):
+        profile = self._profile(detection)
+        if profile.fades(end.u_px, tip.u_px) or profile.rims_continue(end.u_px, tip.u_px):
             return None
         step = self._refine(image, detection, end, end.u_px)
         return step if step and abs(step.u_px - end.u_px) < SHARP_END_PX else end

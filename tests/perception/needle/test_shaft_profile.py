@@ -31,7 +31,7 @@ def soft_point(rest_px: float, grey: float = -20.0):
 @pytest.mark.parametrize("grey", [-40.0, 25.0])
 def test_a_shaft_shows_all_of_its_profile_and_its_ground_none(grey):
     drawn = strip(needle(3.0, grey=grey))
-    share, sd = profile_share(drawn, 0.0, 0.0, 8, SHAFT, slice(70, 80))
+    share, sd, _ = profile_share(drawn, 0.0, 0.0, 8, SHAFT, slice(70, 80))
     assert share == pytest.approx(1.0, abs=5 * sd)
     assert profile_share(drawn, 0.0, 0.0, 8, SHAFT, slice(110, 120))[0] == pytest.approx(0.0, abs=5 * sd)
 
@@ -40,7 +40,7 @@ def test_the_standard_deviation_of_a_share_is_that_of_many_strips():
     excess = needle(3.0, grey=-8.0)
     shares = []
     for seed in range(200):
-        share, sd = profile_share(noisy(excess, seed), 0.0, 0.0, 8, SHAFT, slice(110, 114))
+        share, sd, _ = profile_share(noisy(excess, seed), 0.0, 0.0, 8, SHAFT, slice(110, 114))
         shares.append(share)
     assert np.std(shares) == pytest.approx(sd, rel=0.25)
 
@@ -55,8 +55,8 @@ def test_follows_a_shaft_across_the_lanes():
 
 @pytest.mark.parametrize("parts", [(slice(5, 5), slice(9, 12)), (slice(5, 9), slice(12, 12))])
 def test_without_stations_there_is_no_share(parts):
-    share, sd = profile_share(strip(needle(3.0)), 0.0, 0.0, 8, *parts)
-    assert np.isnan(share) and sd == np.inf
+    share, sd, rims = profile_share(strip(needle(3.0)), 0.0, 0.0, 8, *parts)
+    assert np.isnan(share) and sd == np.inf and rims == 0
 
 
 def test_what_does_not_stand_out_of_the_noise_has_no_profile():
@@ -120,6 +120,36 @@ def test_a_shaft_too_short_to_have_a_profile_says_nothing():
     assert not ShaftProfile(drawn, fit, PX_PER_MM).fades(14.0, 20.0)
     assert not ShaftProfile(drawn, fit, PX_PER_MM).continues(14.0)
     assert ShaftProfile(drawn, fit, PX_PER_MM).faint_rest_px(14.0, 20.0) == 0.0
+
+
+HIGHLIGHT_PX = END_PX - 30.0
+"""Where the highlight of a shaft with dark rims ends."""
+
+
+def rims(beyond):
+    """A bright middle between dark rims up to the end of the highlight, and then something else."""
+    before = np.where(abs(LANES) <= 1, 60.0, needle(4.0, grey=-25.0))
+    return np.where(U_PX <= HIGHLIGHT_PX, before, beyond)
+
+
+def goes_on(beyond) -> bool:
+    drawn, fit = seen(rims(beyond))
+    return ShaftProfile(drawn, fit, PX_PER_MM).rims_continue(HIGHLIGHT_PX, END_PX)
+
+
+@pytest.mark.parametrize("grey", [-25.0, -12.0])
+def test_a_shaft_whose_highlight_ends_goes_on_as_far_as_both_of_its_rims(grey):
+    dark = needle(4.0, grey=grey)
+    assert goes_on(np.where(abs(LANES) <= 1, 0.0, dark))
+    assert not goes_on(np.where(LANES <= 1, 0.0, dark))
+    assert not goes_on(dark)  # a shadow is darkest in its middle
+    assert not goes_on(0 * dark)
+
+
+@pytest.mark.parametrize("grey", [-40.0, 60.0])
+def test_a_shaft_of_one_tone_has_no_rims(grey):
+    drawn, fit = seen(needle(4.0, grey=grey))
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).rims_continue(HIGHLIGHT_PX, END_PX)
 
 
 BUBBLE_PX = 9.0
