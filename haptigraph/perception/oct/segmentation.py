@@ -30,8 +30,8 @@ __all__ = ["SegmentationPerceiver", "interpret", "likely_layers"]
 
 COLUMNS = 128  # largest number of columns in which surfaces are sampled
 RPE_DEPTH_COST = 4.0  # an RPE that is reported too deep is the worse error
-CERTAIN, DOUBTED = 0.001, 0.3  # probability, by the profiles of grey, that an RPE is too deep
-EVEN = 0.3, 3.0  # probability, relative to its median in an image: least of nine in ten columns; largest
+CERTAIN, DOUBTED = 0.001, 0.4  # probability, by the profiles of grey, that an RPE is too deep
+EVEN = 0.15, 3.0  # probability, relative to its median in an image: least of nine in ten columns; largest
 ILM_MARGIN_MM = (
     0.026  # nearer to the ILM than this, the needle may continue in tissue, where it is not visible
 )
