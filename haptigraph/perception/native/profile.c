@@ -71,11 +71,11 @@ static double dark_share(const Across *shaft, const Across *beyond, int first, i
     return sum / *power;
 }
 
-/* Return the lane in which a profile is darkest, times `sign`: with -1, brightest. */
-static int darkest(const Across *across, int first, int last, int sign) {
+/* Return the brightest of some lanes of a profile, or with `sign` -1 the darkest. */
+static int extreme(const Across *across, int first, int last, int sign) {
     int best = first;
     for (int k = first + 1; k <= last; k++) {
-        if (sign * across->excess[k] < sign * across->excess[best]) best = k;
+        if (sign * across->excess[k] > sign * across->excess[best]) best = k;
     }
     return best;
 }
@@ -86,8 +86,8 @@ static int darkest(const Across *across, int first, int last, int sign) {
 static double rims_share(const Across *shaft, const Across *beyond, int reach, double noise_grey,
                          double least_grey) {
     if (reach <= CORE_PX) return 0;
-    const int middle = darkest(shaft, reach - CORE_PX, reach + CORE_PX, -1), last = 2 * reach;
-    const int left = darkest(shaft, 0, middle - 1, 1), right = darkest(shaft, middle + 1, last, 1);
+    const int middle = extreme(shaft, reach - CORE_PX, reach + CORE_PX, 1), last = 2 * reach;
+    const int left = extreme(shaft, 0, middle - 1, -1), right = extreme(shaft, middle + 1, last, -1);
     double left_grey2, right_grey2;
     const double left_share = dark_share(shaft, beyond, 0, middle - 1, &left_grey2);
     const double right_share = dark_share(shaft, beyond, middle + 1, last, &right_grey2);

@@ -23,8 +23,7 @@ def observation_of(tip_mm, factor=1.0, ilm_end_mm=1.0, slope=0.2, bent_mm=0.0):
     sd_px = np.full(len(x_mm), 0.005 / axial_mm)
     deeper_px = bent_mm * np.clip((x_mm - 1.0) / 0.2 + 1, 0, 1) / axial_mm
     rpe_px, rpe_sd_px = ilm_px + 0.3 / axial_mm + deeper_px, np.hypot(sd_px, deeper_px)
-    visible = (x_mm <= end_mm for end_mm in (ilm_end_mm, 1.0))
-    layers = Layers(x_mm / lateral_mm, ilm_px, next(visible), rpe_px, next(visible), sd_px, rpe_sd_px)
+    layers = Layers(x_mm / lateral_mm, ilm_px, x_mm <= ilm_end_mm, rpe_px, x_mm <= 1.0, sd_px, rpe_sd_px)
     shaft = Shaft((tip_mm / lateral_mm, 50.0), (0.0, 0.0), (0.6, 0.8), (1.0, 1.0), 0.1, 1.0)
     return ObservationBuilder(registration)(0, layers, shaft), registration.image
 
