@@ -203,7 +203,7 @@ def average_cells(image: Image, across: float, down: float) -> NDArray[np.int32]
     if not (1 <= across <= width <= MAX_SCAN_PX and 1 <= down <= height <= MAX_SCAN_PX):
         raise ValueError(f"cells: expected 1 pixel to the image's size, found {across} x {down}")
     rows, columns = int(height / down), int(width / across)
-    scratch = np.empty(width + rows + columns + 3, np.uint32)
+    scratch = np.empty((3 * width + rows + columns + 6) // 2, np.uint64)
     cells = np.empty((rows, columns), np.int32)
     _average_cells(pixels, width, across, down, rows, columns, address(scratch), address(cells))
     return cells

@@ -21,7 +21,7 @@ __all__ = [
     "FieldBank",
     "Level",
     "PlainTissue",
-    "grey_from_field",
+    "grey_from_power",
     "intensity",
 ]
 
@@ -97,48 +97,53 @@ class FieldBank:
         rng = np.random.default_rng((seed, 22))
         shape = (height + BANK_EXTRA_PX, width + BANK_EXTRA_PX, 2)
         self._size_px = size_px
-        self._noise = (rng.standard_normal(shape, np.float32)) * np.float32(np.sqrt(0.5))
+        noise = rng.standard_normal(shape, np.float32) * np.float32(np.sqrt(0.5))
         grains = cv2.GaussianBlur(
             rng.standard_normal(shape, np.float32),
             (0, 0),
             style.lateral_grain_px,
             sigmaY=style.axial_grain_px,
         )
-        self._grains = np.asarray(grains, np.float32)
-        self._grains *= np.float32(np.sqrt(0.5) / self._grains.std())
+        grains *= np.float32(np.sqrt(0.5) / np.asarray(grains, np.float32).std())
+        # NumPy is several times faster with long rows than with pairs of numbers
+        self._grains, self._noise = (field.transpose(2, 0, 1).copy() for field in (grains, noise))
 
     def cut(self, rng: np.random.Generator) -> tuple[Level, Level]:
-        """Return random cut-outs of speckle and noise, (h, w, 2) each: real and imaginary part."""
+        """Return random cut-outs of speckle and noise, (2, h, w) each: real and imaginary part."""
         return self._part(self._grains, rng), self._part(self._noise, rng)
 
-    def draw(
+    def power(
         self, root_level: Level, metal: Level, style: BscanAppearance, rng: np.random.Generator
-    ) -> tuple[list[Level], Level | None]:
-        """Return complex fields of tissue, metal and detector noise, (h, w, 2) each.
+    ) -> Level:
+        """Return the power of tissue, metal and detector noise together, averaged over looks, (h, w).
 
         Args:
             root_level: Amplitude of the tissue, (h, w).
             metal: Amplitude of metal, broadcast to (h, w); it scatters with little speckle.
             style: Determines how many fields are averaged.
             rng: Chooses the speckle.
-
-        Returns:
-            The fields, and their expected power where fewer are drawn than `style.looks`, else None.
         """
         amplitude = root_level + np.float32(METAL_GRAIN) * metal
-        fields = [self._field(amplitude, metal, rng) for _ in range(style.fields)]
-        return fields, amplitude**2 + metal**2 + 1 if style.looks > len(fields) else None
+        power = sum(self._look(amplitude, metal, rng) for _ in range(style.fields)) / np.float32(style.fields)
+        if style.looks == style.fields:
+            return np.asarray(power)
+        mean = amplitude**2 + metal**2 + 1  # towards which fewer fields are averaged further
+        return np.asarray(mean + np.float32((style.fields / style.looks) ** 0.5) * (power - mean))
 
-    def _field(self, amplitude: Level, metal: Level, rng: np.random.Generator) -> Level:
+    def _look(self, amplitude: Level, metal: Level, rng: np.random.Generator) -> Level:
+        """Return the power of one look, (h, w)."""
         grains, noise = self.cut(rng)
-        field = amplitude[..., None] * grains + noise
-        field[..., 0] += metal
-        return np.asarray(field, np.float32)
+        field = amplitude * grains
+        field += noise
+        field[0] += metal
+        real, imaginary = np.square(field, dtype=np.float32)
+        real += imaginary
+        return np.asarray(real)
 
     def _part(self, field: Level, rng: np.random.Generator) -> Level:
         (width, height), (left, top) = self._size_px, rng.integers(0, BANK_EXTRA_PX, 2)
-        part = field[top : top + height, left : left + width]
-        return part[:, ::-1] if rng.integers(2) else part
+        part = field[:, top : top + height, left : left + width]
+        return part[..., ::-1] if rng.integers(2) else part
 
 
 def intensity(db: Level | float) -> Level:
@@ -195,21 +200,9 @@ class PlainTissue:
         return intensity(table[np.clip(index, 0, len(table) - 1)] + mottle_db)
 
 
-def grey_from_field(
-    fields: list[Level], floor: Level, style: BscanAppearance, mean: Level | None = None
-) -> Image:
-    """Turn complex fields into a log-compressed image.
-
-    Args:
-        fields: One for each averaged scan, (h, w, 2).
-        floor: Added to the mean intensity, broadcast to (h, w); noise = 1.
-        style: Maps decibels to grey.
-        mean: Expected intensity, (h, w), towards which fewer fields than `style.looks` are averaged further.
-    """
-    power = sum(np.einsum("ijk,ijk->ij", field, field) for field in fields) / np.float32(len(fields))
-    if mean is not None:
-        power = mean + np.float32((len(fields) / style.looks) ** 0.5) * (power - mean)
-    decibel = np.log(np.maximum(power + floor, MIN_INTENSITY)) * np.float32(10 / np.log(10))
+def grey_from_power(power: Level, style: BscanAppearance) -> Image:
+    """Turn power, noise = 1, into a log-compressed image, (h, w)."""
+    decibel = np.log(np.maximum(power, MIN_INTENSITY)) * np.float32(10 / np.log(10))
     grey = np.float32(style.grey_per_db) * (decibel - np.float32(EXPONENTIAL_DB)) + np.float32(
         style.noise_grey
     )

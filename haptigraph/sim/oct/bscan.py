@@ -31,7 +31,7 @@ from haptigraph.sim.oct.appearance import (
     FieldBank,
     Level,
     PlainTissue,
-    grey_from_field,
+    grey_from_power,
     intensity,
 )
 from haptigraph.sim.oct.artefacts import Artefacts
@@ -145,12 +145,12 @@ class BscanCamera:
             level *= needle_light(needle, self.needle, self._size_px) ** 2  # light passes twice
             metal = np.sqrt(needle_level(needle, self.needle, ilm_px, self._size_px))
         level = np.sqrt(level)
-        fields, mean = self._bank.draw(level, metal, self.appearance, rng)
+        power = self._bank.power(level, metal, self.appearance, rng)
         floor = self._artefacts.streaks(needle.tip_px[1] if needle else None, rng)
         truth = self._truth(
             self._row(surfaces.ilm_mm), self._row(surfaces.rpe_mm), needle, surfaces.is_pierced
         )
-        return Bscan(grey_from_field(fields, floor, self.appearance, mean), truth)
+        return Bscan(grey_from_power(power + floor, self.appearance), truth)
 
     def classes(self, truth: BscanTruth) -> Image:
         """Return the class of every pixel, (h, w) indices into `CLASSES`."""

@@ -52,35 +52,41 @@ static void write_edges(double size_px, int count, int32_t *edges) {
 /* Sum the rows of pixels from one edge to another, each by its part between them. */
 static inline void sum_rows(const uint8_t *image, int width, int32_t start, int32_t stop,
                             uint32_t *restrict sums) {
-    memset(sums, 0, sizeof *sums * (size_t)width);
     for (int32_t row = start >> 8; row << 8 < stop; row++) {
         const int32_t first = row << 8, last = first + 256;
         const uint16_t part = (uint16_t)((last < stop ? last : stop) - (first > start ? first : start));
         const uint8_t *restrict pixel = image + (ptrdiff_t)row * width;
-        for (int x = 0; x < width; x++) sums[x] += (uint16_t)(pixel[x] * part);
+        if (first <= start)
+            for (int x = 0; x < width; x++) sums[x] = (uint16_t)(pixel[x] * part);
+        else
+            for (int x = 0; x < width; x++) sums[x] += (uint16_t)(pixel[x] * part);
     }
 }
 
 /* Write the mean grey of cells of `across` x `down` pixels, at least 1 each way, in steps. Their sizes need
-   not be whole, so that they are the same in millimetres for every scanner. `scratch` has a value per column
-   of the image, and per column and row of cells, and 3 more. */
+   not be whole, so that they are the same in millimetres for every scanner. `scratch` has three values per
+   column of the image, and one per column and row of cells, and 5 more. */
 VECTORS EXPORT void average_cells(const uint8_t *image, int width, double across, double down, int rows,
-                                  int columns, uint32_t *scratch, int32_t *cells) {
-    uint32_t *sums = scratch;
+                                  int columns, uint64_t *scratch, int32_t *cells) {
+    uint64_t *until = scratch; /* running sums of `sums` */
+    uint32_t *sums = (uint32_t *)(until + width + 1);
     int32_t *lefts = (int32_t *)(sums + width + 1), *tops = lefts + columns + 1;
     write_edges(across, columns, lefts);
     write_edges(down, rows, tops);
-    sums[width] = 0; /* where the last column may end */
+    const int32_t narrow = (int32_t)floor(256 * across); /* the others are wider by one 256th */
+    until[0] = sums[width] = 0;                          /* where the last column may end */
     for (int row = 0; row < rows; row++, cells += columns) {
         sum_rows(image, width, tops[row], tops[row + 1], sums);
+        for (int x = 0; x < width; x++) until[x + 1] = until[x] + sums[x];
         const double steps = (double)CELL_STEPS / (tops[row + 1] - tops[row]);
-        int64_t whole = 0, before = 0;
-        for (int column = 0, x = 0; column < columns; column++) {
-            const int32_t left = lefts[column], right = lefts[column + 1];
-            for (; x < right >> 8; x++) whole += sums[x];
-            const int64_t until = 256 * whole + (int64_t)(right & 255) * sums[x];
-            cells[column] = (int32_t)((double)(until - before) * (steps / (right - left)) + 0.5);
-            before = until;
+        const double scales[2] = {steps / narrow, steps / (narrow + 1)};
+        int64_t before = 0;
+        for (int column = 0; column < columns; column++) {
+            const int32_t right = lefts[column + 1], x = right >> 8;
+            const int64_t after = (int64_t)(256 * until[x] + (uint64_t)(right & 255) * sums[x]);
+            const int is_wide = right - lefts[column] > narrow;
+            cells[column] = (int32_t)((double)(after - before) * scales[is_wide] + 0.5);
+            before = after;
         }
     }
 }

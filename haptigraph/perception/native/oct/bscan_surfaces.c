@@ -61,7 +61,8 @@ static void advance(const float *restrict before, const float *restrict cost, in
 
 /* Write the row of the best path in each column; a step costs `cost` from -most to most, more is excluded.
    Return whether there was memory. */
-EXPORT int best_path(const float *reward, int columns, int rows, int most, const float *cost, int32_t *path) {
+VECTORS EXPORT int best_path(const float *reward, int columns, int rows, int most, const float *cost,
+                             int32_t *path) {
     const int stride = rows + 2 * most;
     float *memory = malloc(sizeof *memory * (size_t)columns * (size_t)stride);
     if (!memory) return 0;

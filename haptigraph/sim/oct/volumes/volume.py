@@ -28,7 +28,7 @@ from haptigraph.sim.oct.appearance import (
     FieldBank,
     Level,
     PlainTissue,
-    grey_from_field,
+    grey_from_power,
     intensity,
 )
 from haptigraph.sim.oct.artefacts import Artefacts
@@ -203,9 +203,9 @@ class VolumeCamera:
             metal = np.zeros_like(level)
             metal[:, needle.columns] = np.sqrt(needle.metal)
         level = np.sqrt(level)
-        fields, mean = self._bank.draw(level, metal, self.appearance, rng)
+        power = self._bank.power(level, metal, self.appearance, rng)
         rows = np.random.default_rng((self._seed, 35))  # saturated lines are in the same rows of all slices
-        return grey_from_field(fields, self._artefacts.streaks(None, rows), self.appearance, mean)
+        return grey_from_power(power + self._artefacts.streaks(None, rows), self.appearance)
 
 
 def _centred(count: int) -> Floats:
