@@ -64,8 +64,8 @@ static inline void sum_rows(const uint8_t *image, int width, int32_t start, int3
 }
 
 /* Write the mean grey of cells of `across` x `down` pixels, at least 1 each way, in steps. Their sizes need
-   not be whole, so that they are the same in millimetres for every scanner. `scratch` has three values per
-   column of the image, and one per column and row of cells, and 5 more. */
+   not be whole, so that they are the same in millimetres for every scanner. `scratch` has room for three
+   values of 32 bits per column of the image, one per column and row of cells, and five more. */
 VECTORS EXPORT void average_cells(const uint8_t *image, int width, double across, double down, int rows,
                                   int columns, uint64_t *scratch, int32_t *cells) {
     uint64_t *until = scratch; /* running sums of `sums` */
