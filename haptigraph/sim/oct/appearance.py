@@ -98,14 +98,15 @@ class FieldBank:
         shape = (height + BANK_EXTRA_PX, width + BANK_EXTRA_PX, 2)
         self._size_px = size_px
         noise = rng.standard_normal(shape, np.float32) * np.float32(np.sqrt(0.5))
-        grains = cv2.GaussianBlur(
+        blurred = cv2.GaussianBlur(
             rng.standard_normal(shape, np.float32),
             (0, 0),
             style.lateral_grain_px,
             sigmaY=style.axial_grain_px,
         )
-        grains *= np.float32(np.sqrt(0.5) / np.asarray(grains, np.float32).std())
-        # NumPy is several times faster with long rows than with pairs of numbers
+        grains = np.asarray(blurred, np.float32)
+        grains *= np.float32(np.sqrt(0.5) / grains.std())
+        # NumPy is several times faster with long rows than with pairs of numbers.
         self._grains, self._noise = (field.transpose(2, 0, 1).copy() for field in (grains, noise))
 
     def cut(self, rng: np.random.Generator) -> tuple[Level, Level]:
