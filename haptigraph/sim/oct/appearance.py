@@ -121,14 +121,14 @@ class FieldBank:
         Args:
             root_level: Amplitude of the tissue, (h, w).
             metal: Amplitude of metal, broadcast to (h, w); it scatters with little speckle.
-            style: Determines how many fields are averaged.
+            style: Determines how many looks are averaged.
             rng: Chooses the speckle.
         """
         amplitude = root_level + np.float32(METAL_GRAIN) * metal
         power = sum(self._look(amplitude, metal, rng) for _ in range(style.fields)) / np.float32(style.fields)
         if style.looks == style.fields:
             return np.asarray(power)
-        mean = amplitude**2 + metal**2 + 1  # towards which fewer fields are averaged further
+        mean = amplitude**2 + metal**2 + 1  # more looks than are drawn: their average is nearer to it
         return np.asarray(mean + np.float32((style.fields / style.looks) ** 0.5) * (power - mean))
 
     def _look(self, amplitude: Level, metal: Level, rng: np.random.Generator) -> Level:
