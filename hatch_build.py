@@ -22,6 +22,7 @@ LIBRARY = FOLDER / "native.library"  # not .so, which Python would import as a m
 FLAGS = (
     *("-std=c11", "-O3", "-shared", "-fPIC", "-fvisibility=hidden"),
     *("-ffp-contract=off", "-fno-math-errno"),  # the same digits everywhere; sqrt is one instruction
+    "-fno-trapping-math",  # changes no digit; choices by value become vectors, as nobody asks for traps
 )
 ZIG = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]  # its default is this very processor
 NAMES = ("cc", "gcc", "clang")

@@ -76,7 +76,7 @@ class SurfaceLines(NamedTuple):
     """ILM, RPE and the layers between them [mm]; the layers have the columns of the RPE."""
 
     points_mm: NDArray[np.float64]
-    """Vertices x, y of ILM, RPE and both layers, (4, n + 1, 2)."""
+    """Vertices of ILM, RPE and both layers, all x before all y, (4, 2, n + 1)."""
     sds_mm: NDArray[np.float64]
     """Their standard deviations, (4, n + 1); NaN where they are not estimated."""
     ranges_mm: NDArray[np.float64]
@@ -88,7 +88,7 @@ class SurfaceLines(NamedTuple):
 def surface_lines(ilm: SurfaceColumns, rpe: SurfaceColumns, limits: LineLimits) -> SurfaceLines:
     """Return surfaces from the first to the last visible column, extended below a tip."""
     count = np.size(ilm.x_px)
-    points_mm, sds_mm = np.empty((4, count + 1, 2)), np.empty((4, count + 1))
+    points_mm, sds_mm = np.empty((4, 2, count + 1)), np.empty((4, count + 1))
     ranges_mm, counts = np.empty((2, count, 2)), np.empty(4, np.int32)
     outputs = (address(array) for array in (points_mm, sds_mm, ranges_mm, counts))
     if not _surface_lines(ilm.checked(count), rpe.checked(count), limits.checked(), *outputs):

@@ -93,7 +93,7 @@ class ObservationBuilder:
         sds: dict[str, float | tuple[float, ...]] = {}
         for number, (name, count) in enumerate(zip(LINES, (ilm, rpe, between, between), strict=True)):
             if count:
-                found[name] = Polyline(tuple(map(tuple, lines.points_mm[number, :count].tolist())))
+                found[name] = Polyline(tuple(zip(*lines.points_mm[number, :, :count].tolist(), strict=True)))
                 if not math.isnan(lines.sds_mm[number, 0]):
                     sds[name] = tuple(lines.sds_mm[number, :count].tolist())
         if "ilm" in found:

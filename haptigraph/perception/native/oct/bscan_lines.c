@@ -93,11 +93,12 @@ static void trace(const Columns *surface, const Line *above, const LineLimits *l
             uncertain(sd ? sd[last] : NAN, limits, after - x[last]), 0);
 }
 
-/* Write the vertices and standard deviations of a line in millimetres. */
-static void write_line(const Line *line, const LineLimits *limits, double *points_mm, double *sds_mm) {
+/* Write the vertices and standard deviations of a line in millimetres; y follows after room for all x. */
+static void write_line(const Line *line, const LineLimits *limits, size_t room, double *points_mm,
+                       double *sds_mm) {
     for (int at = 0; at < line->count; at++) {
-        points_mm[2 * at] = (line->x_px[at] - limits->center_px[0]) * limits->right_mm;
-        points_mm[2 * at + 1] = (limits->center_px[1] - line->row_px[at]) * limits->down_mm;
+        points_mm[at] = (line->x_px[at] - limits->center_px[0]) * limits->right_mm;
+        points_mm[room + (size_t)at] = (limits->center_px[1] - line->row_px[at]) * limits->down_mm;
         sds_mm[at] = nearbyint(limits->down_mm * line->sd_px[at] * SD_STEPS_PER_MM) / SD_STEPS_PER_MM;
     }
 }
@@ -117,7 +118,7 @@ static int write_ranges(const Line *line, const LineLimits *limits, double *rang
 }
 
 /* Write the lines of ILM and RPE, and of two layers at shares of the way between them, as vertices x, y and
-   standard deviations, (4, columns + 1, 2) and (4, columns + 1) [mm]; the ranges of ILM and RPE that are not
+   standard deviations, (4, 2, columns + 1) and (4, columns + 1) [mm]; the ranges of ILM and RPE that are not
    visible, (2, columns, 2); and how many vertices and ranges ILM and RPE have, (4). Return whether there was
    memory. */
 EXPORT int surface_lines(const Columns *ilm, const Columns *rpe, const LineLimits *limits, double *points_mm,
@@ -132,7 +133,7 @@ EXPORT int surface_lines(const Columns *ilm, const Columns *rpe, const LineLimit
     const Line none = {0};
     for (int number = 0; number < 2; number++) {
         trace(number ? rpe : ilm, number ? lines : &none, limits, seen, lines + number);
-        write_line(lines + number, limits, points_mm + 2 * number * room, sds_mm + number * room);
+        write_line(lines + number, limits, room, points_mm + 2 * number * room, sds_mm + number * room);
         counts[number] = lines[number].count;
         counts[2 + number] = write_ranges(lines + number, limits, ranges_mm + 2 * number * columns);
     }
@@ -147,7 +148,7 @@ EXPORT int surface_lines(const Columns *ilm, const Columns *rpe, const LineLimit
             layer.row_px[at] = row + share * (bottom->row_px[at] - row);
             layer.sd_px[at] = sqrt(square((1 - share) * sd) + square(share * bottom->sd_px[at]));
         }
-        write_line(&layer, limits, points_mm + 2 * (2 + number) * room, sds_mm + (2 + number) * room);
+        write_line(&layer, limits, room, points_mm + 2 * (2 + number) * room, sds_mm + (2 + number) * room);
     }
     free(memory);
     return 1;

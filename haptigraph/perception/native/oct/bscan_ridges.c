@@ -330,15 +330,23 @@ static void start_votes(Votes *votes, const RidgeSearch *search) {
     }
 }
 
-/* Write the marked cells of a grid. */
+/* Write the marked cells of a grid; few are, so it looks at eight at once first. */
 static void list_cells(const Grid *grid, const uint8_t *mask, Cells *cells) {
+    static const uint8_t none[8];
     cells->count = 0;
-    for (int row = 0; row < grid->rows; row++)
-        for (int column = 0; column < grid->columns; column++, mask++)
-            if (*mask) {
-                cells->rows[cells->count] = row;
-                cells->columns[cells->count++] = column;
+    for (int row = 0; row < grid->rows; row++, mask += grid->columns)
+        for (int column = 0; column < grid->columns;) {
+            if (column + 8 <= grid->columns && !memcmp(mask + column, none, 8)) {
+                column += 8;
+                continue;
             }
+            const int stop = column + 8 < grid->columns ? column + 8 : grid->columns;
+            for (; column < stop; column++)
+                if (mask[column]) {
+                    cells->rows[cells->count] = row;
+                    cells->columns[cells->count++] = column;
+                }
+        }
 }
 
 /* Write the offset of the line through each cell in one direction. */
@@ -428,9 +436,9 @@ int find_ridges(const uint8_t *image, int width, int height, const Grid *grid, c
     int32_t *on_ridge = (int32_t *)(samples.brighter + length), *sums = on_ridge + length;
     Votes votes = {.counts = (int16_t *)(sums + 3 * cells), .offsets = (int)offsets};
     uint8_t *mask = (uint8_t *)(votes.counts + counts);
-    memset(sums, 0, 4 * 2 * cells);
-    memset(votes.counts, 0, 2 * counts + cells);
+    memset(mask, 0, cells);
     start_votes(&votes, search);
+    memset(votes.counts, 0, 2 * offsets * (size_t)votes.count);
     mark_ridges(grid, search, limit_row, sums, sums + cells, mask);
     Cells marked = {.rows = sums, .columns = sums + cells, .offsets = sums + 2 * cells};
     list_cells(grid, mask, &marked);

@@ -27,18 +27,28 @@ static inline float mean(const int32_t *sums, int start, int stop, float scale) 
 }
 
 /* Write a column's sums over its rows so far; beyond the image, its first and last rows repeat. */
-static void running_sums(const Grid *grid, int column, int above, int below, int32_t *sums) {
-    const int32_t *cells = grid->cells + (ptrdiff_t)column * grid->group;
+static inline void sum_column(const Grid *grid, int column, int group, int above, int below, int32_t *sums) {
+    const int32_t *cells = grid->cells + (ptrdiff_t)column * group;
     int32_t sum = 0, value = 0;
-    for (int cell = 0; cell < grid->group; cell++) value += cells[cell];
+    for (int cell = 0; cell < group; cell++) value += cells[cell];
     *sums++ = 0;
     for (int row = 0; row < above; row++) *sums++ = sum += value;
     for (int row = 0; row < grid->rows; row++, cells += grid->columns) {
         value = 0;
-        for (int cell = 0; cell < grid->group; cell++) value += cells[cell];
+        for (int cell = 0; cell < group; cell++) value += cells[cell];
         *sums++ = sum += value;
     }
     for (int row = 0; row < below; row++) *sums++ = sum += value;
+}
+
+/* Write the running sums of all columns, `stride` values each. */
+static void running_sums(const Grid *grid, int above, int below, int stride, int32_t *sums) {
+    const int group = grid->group, columns = grid->columns / group;
+    for (int column = 0; column < columns; column++, sums += stride)
+        if (group == 2) /* nearly always; a constant spares the compiler a loop */
+            sum_column(grid, column, 2, above, below, sums);
+        else
+            sum_column(grid, column, group, above, below, sums);
 }
 
 /* Let it be dark above the image if a column begins with tissue, so that its ILM is at the image's top. */
@@ -280,8 +290,7 @@ VECTORS EXPORT int find_surfaces(const Grid *grid, const SurfaceSearch *search, 
     if (!scratch) return 0;
     float *rise = (float *)(scratch + 2 * count), *fall = rise + count, *ordered = fall + count;
     int32_t *sums = (int32_t *)(ordered + count);
-    for (int column = 0; column < columns; column++)
-        running_sums(grid, column, deep, below, sums + (ptrdiff_t)column * stride);
+    running_sums(grid, deep, below, stride, sums);
     double *ilm = rows, *rpe = rows + columns;
     uint8_t *is_tissue = visible, *is_band = visible + columns;
     int found = find_ilm(grid, search, sums, stride, ilm, rise, ordered);
