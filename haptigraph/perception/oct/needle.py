@@ -12,25 +12,19 @@ from typing import NamedTuple
 import numpy as np
 
 from haptigraph.geometry import Vec
-from haptigraph.imaging import Floats, Mask
 from haptigraph.perception.native.bscan_needle import RidgeLine, ShaftSearch, SurfacePair, find_shaft
 from haptigraph.perception.oct.bevel import Drop, drop_in_tissue, drop_in_vitreous
 from haptigraph.perception.oct.ridge import Ridge, ridge_search
 from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage
 from haptigraph.perception.oct.shadow import Edge, find_shadow_edge
-from haptigraph.perception.oct.surfaces import Surfaces, without_specks
+from haptigraph.perception.oct.surfaces import Surfaces, row_at, without_specks
 
 __all__ = [
-    "SLOPE_COLUMNS",
     "Needle",
     "NeedleConstants",
     "Shaft",
     "find_needle",
-    "row_at",
 ]
-
-SLOPE_COLUMNS = 6
-"""From which a surface is extrapolated."""
 
 
 class NeedleConstants(NamedTuple):
@@ -274,11 +268,10 @@ def _last_bright(shaft: Shaft, at_steps: float) -> int:
     is_bright = shaft.ridge.line.contrast_grey[: max(at + near + 1, 0)] > (
         CONSTANTS.bright_share * shaft.typical_grey
     )
-    if not is_bright.any():
-        return -1
-    if 0 <= at < len(is_bright) and is_bright[at] and not is_bright[at:].all():
-        return at + int(is_bright[at:].argmin()) - 1
-    return len(is_bright) - 1 - int(is_bright[::-1].argmax())
+    if 0 <= at < len(is_bright) and is_bright[at] and (brights := int(is_bright[at:].argmin())):
+        return at + brights - 1
+    lit = np.flatnonzero(is_bright)
+    return int(lit[-1]) if len(lit) else -1
 
 
 def _is_spot(line: RidgeLine, peak: int) -> bool:
@@ -305,25 +298,3 @@ def _visible_end(scan: ScanImage, shaft: Shaft) -> Needle:
     last = end + (int(spots[-1]) if len(spots) else 0)
     dx, dy = (abs(part) * CONSTANTS.end_sd_mm / scan.scale.mean_mm for part in line.along_px)
     return Needle(shaft.ridge, shaft.ridge.at_px(last), (max(dx, 1.0), max(dy, 1.0)), shaft.share)
-
-
-def row_at(x_px: Floats, row_px: Floats, visible: Mask, at_x_px: float) -> float:
-    """Return a surface's row in a column, extrapolated linearly beyond its visible part.
-
-    Args:
-        x_px: Columns, ascending, (n,).
-        row_px: Rows of the surface in them, (n,).
-        visible: Where they are valid, (n,).
-        at_x_px: The column.
-    """
-    at = np.flatnonzero(visible)
-    if not len(at):
-        return math.inf
-    if len(at) > SLOPE_COLUMNS and not x_px[at[0]] <= at_x_px <= x_px[at[-1]]:
-        end = at[:SLOPE_COLUMNS] if at_x_px < x_px[at[0]] else at[-SLOPE_COLUMNS:]
-        x, row = x_px[end].tolist(), row_px[end].tolist()
-        x_mean, row_mean = sum(x) / SLOPE_COLUMNS, sum(row) / SLOPE_COLUMNS
-        spread = sum((one - x_mean) ** 2 for one in x)
-        slope = sum((one - x_mean) * (other - row_mean) for one, other in zip(x, row, strict=True)) / spread
-        return float(row_mean + slope * (at_x_px - x_mean))
-    return float(np.interp(at_x_px, x_px[at], row_px[at]))

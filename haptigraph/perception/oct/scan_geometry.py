@@ -12,7 +12,7 @@ from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, subtrac
 from haptigraph.imaging import Floats, Mask
 from haptigraph.messages import Certainty, Observation
 from haptigraph.perception.native.surface_lines import LineLimits, SurfaceColumns, surface_lines
-from haptigraph.perception.oct.needle import SLOPE_COLUMNS
+from haptigraph.perception.oct.surfaces import SLOPE_COLUMNS
 from haptigraph.registration.oct import ScanRegistration
 
 __all__ = ["SUBRETINAL_SHARE", "Layers", "ObservationBuilder", "Shaft"]

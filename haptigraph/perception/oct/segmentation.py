@@ -20,10 +20,9 @@ from haptigraph.perception.oct.class_edges import profiles, transmits_light, upp
 from haptigraph.perception.oct.class_maps import Rows, Scaling, border_rows, line_rows, without_neighbours
 from haptigraph.perception.oct.class_needle import NeedleFit, fit_needles
 from haptigraph.perception.oct.class_shadow import SHADOW_MARGIN_MM, Evidence, enters_from_border
-from haptigraph.perception.oct.needle import row_at
 from haptigraph.perception.oct.onnx_model import EntityClasses, ModelFile, OnnxModel, SurfaceClass
 from haptigraph.perception.oct.scan_geometry import Layers, ObservationBuilder, Shaft
-from haptigraph.perception.oct.surfaces import without_specks
+from haptigraph.perception.oct.surfaces import row_at, without_specks
 from haptigraph.registration.oct import ScanRegistration
 
 __all__ = ["SegmentationPerceiver", "interpret", "likely_layers"]

@@ -6,6 +6,7 @@ upper edge of a bright band below it. Where light is blocked, no surface is visi
 """
 
 import math
+from bisect import bisect_right
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -15,10 +16,12 @@ from haptigraph.imaging import Floats, Mask
 from haptigraph.perception.native import bscan as native
 from haptigraph.perception.oct.scan_image import ScanImage
 
-__all__ = ["SurfaceConstants", "Surfaces", "find_surfaces", "without_specks"]
+__all__ = ["SLOPE_COLUMNS", "SurfaceConstants", "Surfaces", "find_surfaces", "row_at", "without_specks"]
 
 HALF = 0.5  # rows are counted at edges between pixels
 MIN_COLUMNS = 6  # of `without_specks`
+SLOPE_COLUMNS = 6
+"""From which a surface is extrapolated."""
 
 
 class SurfaceConstants(NamedTuple):
@@ -150,3 +153,30 @@ def _smoothing(half_columns: float, sd_mm: tuple[float, float], row_mm: float) -
 def without_specks(visible: Mask) -> Mask:
     """Remove short runs of columns."""
     return native.remove_specks(visible, MIN_COLUMNS)
+
+
+def row_at(x_px: Floats, row_px: Floats, visible: Mask, at_x_px: float) -> float:
+    """Return a surface's row in a column, extrapolated linearly beyond its visible part.
+
+    Args:
+        x_px: Columns, ascending, (n,).
+        row_px: Rows of the surface in them, (n,).
+        visible: Where they are valid, (n,).
+        at_x_px: The column.
+    """
+    at = np.flatnonzero(visible)
+    if not len(at):
+        return math.inf
+    x, row = x_px[at].tolist(), row_px[at].tolist()
+    if len(x) > SLOPE_COLUMNS and not x[0] <= at_x_px <= x[-1]:
+        end = slice(SLOPE_COLUMNS) if at_x_px < x[0] else slice(-SLOPE_COLUMNS, None)
+        x, row = x[end], row[end]
+        x_mean, row_mean = sum(x) / SLOPE_COLUMNS, sum(row) / SLOPE_COLUMNS
+        spread = sum((one - x_mean) ** 2 for one in x)
+        slope = sum((one - x_mean) * (other - row_mean) for one, other in zip(x, row, strict=True)) / spread
+        return float(row_mean + slope * (at_x_px - x_mean))
+    right = bisect_right(x, at_x_px)
+    if right in (0, len(x)):
+        return float(row[-1 if right else 0])
+    slope = (row[right] - row[right - 1]) / (x[right] - x[right - 1])
+    return float(row[right - 1] + slope * (at_x_px - x[right - 1]))
