@@ -199,10 +199,13 @@ class SurfacePair(NamedTuple):
         count = np.size(self.x_px)
         if not count:
             raise ValueError("surfaces: expected at least one column")
-        x, ilm, rpe = (
-            checked("surface", rows, DOUBLE, (count,)) for rows in (self.x_px, self.ilm_px, self.rpe_px)
+        shape = (count,)
+        x, ilm = checked("surface", self.x_px, DOUBLE, shape), checked("surface", self.ilm_px, DOUBLE, shape)
+        rpe = checked("surface", self.rpe_px, DOUBLE, shape)
+        visible = (
+            checked("surface", self.ilm_visible, BOOL, shape),
+            checked("surface", self.rpe_visible, BOOL, shape),
         )
-        visible = (checked("surface", mask, BOOL, (count,)) for mask in (self.ilm_visible, self.rpe_visible))
         return pack(_SURFACE_PAIR, x, ilm, rpe, *visible, count)
 
 

@@ -35,9 +35,10 @@ class SurfaceColumns(NamedTuple):
 
     def checked(self, count: int) -> bytes:
         """Return the columns for C."""
-        x, row = (checked("surface", array, DOUBLE, (count,)) for array in (self.x_px, self.row_px))
-        sd = 0 if self.sd_px is None else checked("surface", self.sd_px, DOUBLE, (count,))
-        return pack(_COLUMNS, x, row, sd, checked("surface", self.is_visible, BOOL, (count,)), count)
+        shape = (count,)
+        x, row = checked("surface", self.x_px, DOUBLE, shape), checked("surface", self.row_px, DOUBLE, shape)
+        sd = 0 if self.sd_px is None else checked("surface", self.sd_px, DOUBLE, shape)
+        return pack(_COLUMNS, x, row, sd, checked("surface", self.is_visible, BOOL, shape), count)
 
 
 class LineLimits(NamedTuple):

@@ -76,7 +76,8 @@ VECTORS EXPORT int best_path(const float *reward, int columns, int rows, int mos
     const int stride = rows + 2 * most;
     float *memory = malloc(sizeof *memory * (size_t)columns * (size_t)stride);
     if (!memory) return 0;
-    for (ptrdiff_t at = 0; at < (ptrdiff_t)columns * stride; at++) memory[at] = EXCLUDED;
+    for (float *at = memory; at < memory + (ptrdiff_t)columns * stride; at += stride)
+        for (int row = 0; row < most; row++) at[row] = at[stride - 1 - row] = EXCLUDED;
     float *best = memory + most;
     for (int row = 0; row < rows; row++) best[row] = reward[row];
     for (int column = 1; column < columns; column++, best += stride)
