@@ -130,13 +130,9 @@ def find_needle(scan: ScanImage, surfaces: Surfaces, dark_grey: float) -> tuple[
     needle = _with_tip(scan, shaft, without_ridge)
     half_px = scan.column_px / 2  # half of the column in which the shadow ends shows no tissue
     beyond_px = needle.ridge.side * (surfaces.x_px - needle.tip_px[0])
-    ilm_visible, rpe_visible = (
-        np.where(beyond_px > half_px, in_light, elsewhere & (beyond_px < -half_px))
-        for in_light, elsewhere in (
-            (surfaces.ilm_visible, without_ridge.ilm_visible),
-            (surfaces.rpe_visible, without_ridge.rpe_visible),
-        )
-    )
+    in_light, elsewhere = beyond_px > half_px, beyond_px < -half_px
+    ilm_visible = surfaces.ilm_visible & in_light | without_ridge.ilm_visible & elsewhere
+    rpe_visible = surfaces.rpe_visible & in_light | without_ridge.rpe_visible & elsewhere
     return needle, surfaces._replace(ilm_visible=ilm_visible, rpe_visible=rpe_visible)
 
 
