@@ -196,17 +196,14 @@ class SurfacePair(NamedTuple):
 
     def checked(self) -> bytes:
         """Return the surfaces for C."""
-        count = np.size(self.x_px)
-        if not count:
+        if not (count := np.size(self.x_px)):
             raise ValueError("surfaces: expected at least one column")
         shape = (count,)
         x, ilm = checked("surface", self.x_px, DOUBLE, shape), checked("surface", self.ilm_px, DOUBLE, shape)
         rpe = checked("surface", self.rpe_px, DOUBLE, shape)
-        visible = (
-            checked("surface", self.ilm_visible, BOOL, shape),
-            checked("surface", self.rpe_visible, BOOL, shape),
-        )
-        return pack(_SURFACE_PAIR, x, ilm, rpe, *visible, count)
+        ilm_visible = checked("surface", self.ilm_visible, BOOL, shape)
+        rpe_visible = checked("surface", self.rpe_visible, BOOL, shape)
+        return pack(_SURFACE_PAIR, x, ilm, rpe, ilm_visible, rpe_visible, count)
 
 
 class RidgeLine(NamedTuple):
