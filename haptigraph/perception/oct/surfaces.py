@@ -6,7 +6,6 @@ upper edge of a bright band below it. Where light is blocked, no surface is visi
 """
 
 import math
-from bisect import bisect_right
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -167,16 +166,11 @@ def row_at(x_px: Floats, row_px: Floats, visible: Mask, at_x_px: float) -> float
     at = np.flatnonzero(visible)
     if not len(at):
         return math.inf
-    x, row = x_px[at].tolist(), row_px[at].tolist()
-    if len(x) > SLOPE_COLUMNS and not x[0] <= at_x_px <= x[-1]:
-        end = slice(SLOPE_COLUMNS) if at_x_px < x[0] else slice(-SLOPE_COLUMNS, None)
-        x, row = x[end], row[end]
+    if len(at) > SLOPE_COLUMNS and not x_px[at[0]] <= at_x_px <= x_px[at[-1]]:
+        end = at[:SLOPE_COLUMNS] if at_x_px < x_px[at[0]] else at[-SLOPE_COLUMNS:]
+        x, row = x_px[end].tolist(), row_px[end].tolist()
         x_mean, row_mean = sum(x) / SLOPE_COLUMNS, sum(row) / SLOPE_COLUMNS
         spread = sum((one - x_mean) ** 2 for one in x)
         slope = sum((one - x_mean) * (other - row_mean) for one, other in zip(x, row, strict=True)) / spread
         return float(row_mean + slope * (at_x_px - x_mean))
-    right = bisect_right(x, at_x_px)
-    if right in (0, len(x)):
-        return float(row[-1 if right else 0])
-    slope = (row[right] - row[right - 1]) / (x[right] - x[right - 1])
-    return float(row[right - 1] + slope * (at_x_px - x[right - 1]))
+    return float(np.interp(at_x_px, x_px[at], row_px[at]))

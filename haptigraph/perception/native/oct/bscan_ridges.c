@@ -330,23 +330,16 @@ static void start_votes(Votes *votes, const RidgeSearch *search) {
     }
 }
 
-/* Write the marked cells of a grid; few are, so it looks at eight at once first. */
+/* Write the marked cells of a grid. */
 static void list_cells(const Grid *grid, const uint8_t *mask, Cells *cells) {
-    static const uint8_t none[8];
     cells->count = 0;
-    for (int row = 0; row < grid->rows; row++, mask += grid->columns)
-        for (int column = 0; column < grid->columns;) {
-            if (column + 8 <= grid->columns && !memcmp(mask + column, none, 8)) {
-                column += 8;
-                continue;
-            }
-            const int stop = column + 8 < grid->columns ? column + 8 : grid->columns;
-            for (; column < stop; column++)
-                if (mask[column]) {
-                    cells->rows[cells->count] = row;
-                    cells->columns[cells->count++] = column;
-                }
+    for (int row = 0; row < grid->rows; row++, mask += grid->columns) {
+        const uint8_t *at = mask, *end = mask + grid->columns;
+        for (; (at = memchr(at, 1, (size_t)(end - at))); at++) {
+            cells->rows[cells->count] = row;
+            cells->columns[cells->count++] = (int32_t)(at - mask);
         }
+    }
 }
 
 /* Write the offset of the line through each cell in one direction. */
