@@ -51,6 +51,7 @@ WALL_MARGIN_MM = 0.1
 RIM_MISS_MM = 0.6
 """Between the registered rim and the actual one."""
 BEYOND_MM = 0.5  # past the far wall: a tip may be pushed into the retina
+INSIDE_MM = 4.0  # of the shortest strip: a needle that comes out of the longest cannula
 
 
 class Line(Struct, frozen=True, dict=True):
@@ -197,7 +198,7 @@ def stations(
         return None
     outer, inner, far = wall
     scale = eye.px_per_mm
-    last = max(min(far + BEYOND_MM * scale, until_px), inner + 2 * scale)
+    last = max(min(far + BEYOND_MM * scale, until_px), inner + INSIDE_MM * scale)
     first = math.ceil(max(min(eye.first_px(line) + 1, outer), min(from_px, last - 2 * scale)))
     return np.arange(first, last, STATION_PX, dtype=np.float32)
 
