@@ -58,10 +58,14 @@ class LineFit(Struct, frozen=True, eq=False):
     """1 for each block with edges by the line too steep for the needle's shadow, else 0."""
 
     def leads_through(self, wall_px: float) -> bool:
-        """Return whether steep edges are right before the wall, or enough of them beyond it."""
-        beyond = int(self.u_px.searchsorted(wall_px))
-        before = max(beyond - len(RUN), 0)
-        return self.is_steep.count(1, before, beyond) >= 2 or self.is_steep.count(1, beyond) >= len(RUN)
+        """Return whether steep edges are right before the wall, or enough of them beyond it.
+
+        A shaft whose last edges before the wall are not steep, and none beyond it, ends before it.
+        """
+        wall = int(self.u_px.searchsorted(wall_px))
+        before, beyond = self.is_steep[max(wall - len(RUN), 0) : wall], self.is_steep[wall:]
+        ends_before = before.endswith(b"\0") and len(beyond) >= len(RUN) and 1 not in beyond
+        return beyond.count(1) >= len(RUN) or (before.count(1) >= 2 and not ends_before)
 
     def is_unbroken(self, from_px: float, to_px: float) -> bool:
         """Return whether steep edges are everywhere between two positions along the strip."""

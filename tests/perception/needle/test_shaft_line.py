@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from haptigraph.perception.needle.coarse_tip import estimate_coarse_tip
 from haptigraph.perception.needle.rectify import STATION_PX, UNOBSERVED, Line, rectify, stations
-from haptigraph.perception.needle.shaft_line import Appearance, fit_line
+from haptigraph.perception.needle.shaft_line import NEW, Appearance, LineFit, fit_line
 from haptigraph.perception.needle.subpixel_tip import refine_tip, tip_patch_px
 
 
@@ -222,3 +222,20 @@ def test_edges_on_a_background_nearly_as_bright_as_the_needle_reach_its_tip():
     fit = fit_line(strip, tip_px=80.0, miss_px=5.0)
     assert fit is not None
     assert fit.end_px(float(u_px[strip.inside.start])) == pytest.approx(80, abs=7)
+
+
+@pytest.mark.parametrize(
+    ("before", "beyond", "leads"),
+    [
+        (b"\1\1\1", b"", True),
+        (b"\1\1\0", b"", True),
+        (b"\1\1\0", b"\0\0\0", False),
+        (b"\1\1\0", b"\0\0\1", True),
+        (b"\1\0\0", b"\1\1\0", False),
+        (b"\0\0\0", b"\1\1\1", True),
+    ],
+)
+def test_a_shaft_whose_edges_end_before_the_wall_does_not_lead_through_it(before, beyond, leads):
+    u_px = 6.0 * np.arange(-len(before), len(beyond), dtype=np.float32)
+    fit = LineFit(0.0, 0.0, (1.0, 0.0, 1.0), 5.0, 0.7, 1.0, NEW, u_px, u_px < 0, before + beyond)
+    assert fit.leads_through(0.0) is leads
