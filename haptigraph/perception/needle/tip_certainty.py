@@ -67,7 +67,8 @@ def with_certainty(
     )
     continues = until_px > tip.u_px and beyond_grey > max(MAX_SHADOW * behind_grey, noise_grey)
     is_certain = math.hypot(tip.sd_px, shift_sd_px) <= MAX_SD_MM * px_per_mm
-    return replace(tip, shift_sd_px=math.hypot(shift_sd_px, rest_px), is_known=is_certain and not continues)
+    is_known = tip.is_known and is_certain and not continues
+    return replace(tip, shift_sd_px=math.hypot(tip.shift_sd_px, shift_sd_px, rest_px), is_known=is_known)
 
 
 def outside_globe(tip: TipEstimate, px_per_mm: float) -> TipEstimate:

@@ -245,14 +245,19 @@ class TipSelector:
         return replace(tip, is_known=False) if tip.is_known and profile.widens(tip.u_px) else tip
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:
-        """Return the end of a shaft that its shadow continues, None if none does."""
+        """Return the end of a shaft that its shadow continues, None if none does.
+
+        What fades beyond that end may be a soft point as well: then the tip is not known.
+        """
         strip = detection.candidate.strip
         end = sharp_end(strip, tip) if tip.where == "inside" else None
         if end is None or _continues_colored(strip, end, tip.u_px):
             return None
         profile = self._profile(detection)
-        if profile.fades(end.u_px, tip.u_px) or profile.rims_continue(end.u_px, tip.u_px):
+        if profile.rims_continue(end.u_px, tip.u_px):
             return None
+        if profile.fades(end.u_px, tip.u_px):
+            return replace(tip, is_known=False, shift_sd_px=tip.u_px - end.u_px)
         step = self._refine(image, detection, end, end.u_px)
         return step if step and abs(step.u_px - end.u_px) < SHARP_END_PX else end
 
