@@ -5,6 +5,7 @@ Turns a rectified strip into the tip's approximate position along it, by the con
 """
 
 import math
+from collections.abc import Iterable
 from typing import Literal, TypeAlias
 
 from msgspec import Struct
@@ -12,9 +13,14 @@ from msgspec import Struct
 from haptigraph.perception.native import strip as native
 from haptigraph.perception.needle.rectify import RectifiedStrip
 
-__all__ = ["TipEstimate", "estimate_coarse_tip", "may_reach_wall"]
+__all__ = ["Cannulas", "TipEstimate", "estimate_coarse_tip", "may_reach_wall"]
 
 Where: TypeAlias = Literal["outside", "occluded", "inside"]
+
+CANNULA_MM = 2.5  # inside the globe, at most
+HUB_MM = 2.0  # of a cannula outside the trocar, at most
+CANNULA_END_PX = 3.0  # between a tip and the end of a cannula that may hide it
+LEADING_MM = 1.0  # of a needle outside that leads to what is inside
 
 WHERE: tuple[Where, ...] = ("outside", "occluded", "inside")  # as C numbers them, from 1 on
 
@@ -67,3 +73,45 @@ def may_reach_wall(strip: RectifiedStrip, end_px: float) -> bool:
     """
     gap = slice(int(strip.u_px.searchsorted(end_px)), strip.outside.stop)
     return bool(strip.is_known[gap].all())
+
+
+class Cannulas:
+    """Where cannulas end that stood in the globe before a needle came: a tip that is there may be in one.
+
+    A cannula turns with its needle, so the background does not show it where it is now.
+
+    Args:
+        px_per_mm: Scale.
+    """
+
+    def __init__(self, px_per_mm: float) -> None:
+        self._px_per_mm = px_per_mm
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget them."""
+        self._ends_px: list[float] = []
+
+    def learn(self, seen: Iterable[tuple[RectifiedStrip, TipEstimate]]) -> None:
+        """Remember the cannulas among what is seen without a needle, if there are some."""
+        ends_px = [tip.u_px for strip, tip in seen if self._is_short_and_free(strip, tip)]
+        self._ends_px = ends_px or self._ends_px
+
+    def may_hide(self, tip: TipEstimate) -> bool:
+        """Return whether a tip is where a needle that enters or leaves one of them seems to end."""
+        if tip.where == "outside":
+            return bool(self._ends_px) and tip.u_px > -HUB_MM * self._px_per_mm
+        off_px = (abs(tip.u_px - end_px) for end_px in self._ends_px)
+        return tip.where == "inside" and min(off_px, default=math.inf) < CANNULA_END_PX
+
+    def include(self, strip: RectifiedStrip, tip: TipEstimate) -> bool:
+        """Return whether what ends at a tip is one of them, without a needle."""
+        return self.may_hide(tip) and self._is_short_and_free(strip, tip)
+
+    def _is_short_and_free(self, strip: RectifiedStrip, tip: TipEstimate) -> bool:
+        """Return whether something short is in the globe, and no needle outside leads to it."""
+        if tip.where != "inside":
+            return False
+        inside_px = tip.u_px - float(strip.u_px[strip.inside.start])
+        outside_px = tip.evidence_px - inside_px
+        return inside_px <= CANNULA_MM * self._px_per_mm and outside_px < LEADING_MM * self._px_per_mm

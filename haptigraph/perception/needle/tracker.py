@@ -32,7 +32,7 @@ from haptigraph.messages import Capture, Certainty, Fault, Image, ImageKind, Obs
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.needle.background import Background, occluded_ends
 from haptigraph.perception.needle.bevel import Bevel
-from haptigraph.perception.needle.coarse_tip import estimate_coarse_tip
+from haptigraph.perception.needle.coarse_tip import Cannulas, estimate_coarse_tip
 from haptigraph.perception.needle.focus import Focus
 from haptigraph.perception.needle.pose_filter import PoseFilter
 from haptigraph.perception.needle.rectify import MAX_TURN_RAD, EyeGeometry, Line, RectifiedStrip, stations
@@ -89,6 +89,7 @@ class Tracker:
         self._background = Background(self._eye, registration.background)
         self._bevel = Bevel()
         self._focus = Focus(self._eye)
+        self._cannulas = Cannulas(self._eye.px_per_mm)
         self._tip_selector = TipSelector(self._eye, self._background, self._bevel, self._focus)
         self.reset()
 
@@ -98,6 +99,7 @@ class Tracker:
         self._pose.reset()
         self._bevel.reset()
         self._focus.reset()
+        self._cannulas.reset()
         self._usual_grey: float | None = None
         self._appearance: Appearance = NEW
         self._doubts = 0
@@ -147,7 +149,7 @@ class Tracker:
         if detection is None:
             return None
         if detection.tip.u_px > until_px - self._eye.px_per_mm or detection.off_axis_px > MAX_OFF_AXIS_PX:
-            detection = self._measured_again(image, detection, from_px)
+            detection = self._measured_again(image, detection, from_px) or detection
         return self._select_tip(image, detection, depth_px)
 
     def _search(self, image: Image) -> Detection | None:
@@ -171,16 +173,25 @@ class Tracker:
         for candidate in sorted(candidates, key=lambda candidate: -candidate.tip.evidence_px):
             detection = self._fit_shaft_line(candidate, candidate.strip.half_px)
             if detection is not None:
-                self._is_eye_visible = self._is_globe_visible(image)
-                again = self._measured_again(image, detection) if self._is_eye_visible else None
-                return again and self._select_tip(image, again)
+                return self._acquired(image, detection)
+        self._cannulas.learn((candidate.strip, candidate.tip) for candidate in candidates)
         return None
 
-    def _measured_again(self, image: Image, detection: Detection, from_px: float = -math.inf) -> Detection:
+    def _acquired(self, image: Image, detection: Detection) -> Detection | None:
+        """Measure a new needle again: before any background is known, it must prove to be one twice."""
+        self._is_eye_visible = self._is_globe_visible(image)
+        if not self._is_eye_visible:
+            return None
+        again = self._measured_again(image, detection) or (None if self._background.is_new else detection)
+        return again and self._select_tip(image, again)
+
+    def _measured_again(
+        self, image: Image, detection: Detection, from_px: float = -math.inf
+    ) -> Detection | None:
         """Measure the needle again along its own line; the first strip was a little off."""
         patch_px = tip_patch_px(detection.tip.u_px, PATCH_MARGIN_PX)
         candidate = self._candidate(image, detection.line, from_px, patch_px=patch_px)
-        return self._fit_shaft_line(candidate, REPEATED_PX) or detection
+        return self._fit_shaft_line(candidate, REPEATED_PX)
 
     def _candidate(
         self,
@@ -211,7 +222,7 @@ class Tracker:
 
     def _fit_shaft_line(self, candidate: Candidate | None, miss_px: float) -> Detection | None:
         """Fit the shaft's line; None if it is no needle."""
-        if candidate is None:
+        if candidate is None or self._cannulas.include(candidate.strip, candidate.tip):
             return None
         fit = fit_line(candidate.strip, candidate.tip.u_px, miss_px, self._appearance)
         if fit is None:
@@ -223,17 +234,19 @@ class Tracker:
     def _is_needle(self, line: Line, fit: LineFit) -> bool:
         scale = self._eye.px_per_mm
         turn_rad = math.remainder(line.angle_rad - self._eye.inwards_rad, 2 * math.pi)
+        blur_px = 2 * fit.blur_px if self._pose.is_tracking else 0.0  # of both edges
         return (
             fit.confidence >= MIN_CONFIDENCE
             and abs(line.offset_px) <= MAX_MISS_MM * scale
             and abs(turn_rad) <= MAX_TURN_RAD
-            and fit.width_px <= MAX_WIDTH_MM * scale
+            and fit.width_px <= MAX_WIDTH_MM * scale + blur_px
         )
 
     def _select_tip(self, image: Image, detection: Detection, expected_px: float = math.inf) -> Detection:
         """Select the tip and locate it sub-pixel; what continues beyond the shaft's edges is its shadow."""
         selected = self._select_end(image, detection, expected_px)
-        return replace(selected, tip=self._tip_selector.with_certainty(selected))
+        tip = self._tip_selector.with_certainty(selected)
+        return replace(selected, tip=replace(tip, is_known=tip.is_known and not self._cannulas.may_hide(tip)))
 
     def _select_end(self, image: Image, detection: Detection, expected_px: float) -> Detection:
         tip = self._tip_selector.select(image, detection, expected_px)

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 from drawn_strip import LANES, strip
+from msgspec.structs import replace
 
-from haptigraph.perception.needle.coarse_tip import estimate_coarse_tip
+from haptigraph.perception.needle.coarse_tip import Cannulas, estimate_coarse_tip
 from haptigraph.perception.needle.rectify import STATION_PX
 
 
@@ -28,3 +29,31 @@ def test_a_needle_beyond_a_cannula_that_was_always_there_is_inside(length_px, wh
     tip = estimate_coarse_tip(shown, px_per_mm=20.0, usual_grey=None)
     assert tip is not None
     assert tip.where == where
+
+
+@pytest.mark.parametrize(
+    ("outside_px", "length_px", "is_cannula"),
+    [(0, 40, True), (12, 40, True), (100, 40, False), (0, 80, False)],
+    ids=["stands free", "behind its hub", "a needle leads to it", "longer than any cannula"],
+)
+def test_something_short_in_the_globe_to_which_no_needle_leads_may_be_a_cannula(
+    outside_px, length_px, is_cannula
+):
+    u_px = np.arange(-240, 200, STATION_PX, dtype=np.float32)
+    shown = strip(np.zeros((len(LANES), len(u_px))), u_px)
+    hub, foot = shown.outside.stop - round(outside_px / STATION_PX), shown.inside.start
+    for part in (slice(hub, shown.outside.stop), slice(foot, foot + round(length_px / STATION_PX))):
+        shown.excess[:, part] += 30.0 * (abs(LANES) <= 4)
+    tip = estimate_coarse_tip(shown, px_per_mm=20.0, usual_grey=None)
+    assert tip is not None
+    cannulas = Cannulas(px_per_mm=20.0)
+    assert not cannulas.may_hide(tip)
+    cannulas.learn([(shown, tip)])
+    assert cannulas.may_hide(tip) is cannulas.include(shown, tip) is is_cannula
+    assert not cannulas.may_hide(replace(tip, u_px=tip.u_px + 4.0))
+    assert cannulas.may_hide(replace(tip, where="outside", u_px=-30.0)) is is_cannula  # in its hub
+    assert not cannulas.may_hide(replace(tip, where="outside", u_px=-50.0))
+    cannulas.learn([])
+    assert cannulas.may_hide(tip) is is_cannula
+    cannulas.reset()
+    assert not cannulas.may_hide(tip)
