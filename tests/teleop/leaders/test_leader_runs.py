@@ -40,7 +40,7 @@ def test_keys_steer_the_simulated_needle_and_the_recording_has_it(tmp_path):
                 else:
                     os.write(hand, b"s")
                     presses += 1
-                    assert presses < 600, "it does not move"
+                    assert presses < 600, f"it does not move; the last line: {line.decode()}"
             run.send_signal(signal.SIGINT)
             output = run.communicate(timeout=60)[0].decode()
         finally:
