@@ -1,7 +1,7 @@
 """The coarse tip: how far there is contrast along the shaft.
 
 Turns a rectified strip into the tip's approximate position along it, by the contrast of its middle lanes
-(`native/coarse_tip.c`). The wall occludes a tip that is in it.
+(`native/coarse_tip.c`). The wall occludes a tip that is in it, and so does a cannula.
 """
 
 import math
@@ -13,16 +13,18 @@ from msgspec import Struct
 from haptigraph.perception.native import strip as native
 from haptigraph.perception.needle.rectify import RectifiedStrip
 
-__all__ = ["Cannulas", "TipEstimate", "estimate_coarse_tip", "may_reach_wall"]
+__all__ = ["EXPOSED_MM", "Cannulas", "TipEstimate", "estimate_coarse_tip", "may_reach_wall"]
 
 Where: TypeAlias = Literal["outside", "occluded", "inside"]
 
+WHERE: tuple[Where, ...] = ("outside", "occluded", "inside")  # as C numbers them, from 1 on
+
+EXPOSED_MM = 2.0
+"""Outside the trocar: a tip this far out is the end, also before a cannula's hub."""
+
 CANNULA_MM = 2.5  # inside the globe, at most
-HUB_MM = 2.0  # of a cannula outside the trocar, at most
 CANNULA_END_PX = 3.0  # between a tip and the end of a cannula that may hide it
 LEADING_MM = 1.0  # of a needle outside that leads to what is inside
-
-WHERE: tuple[Where, ...] = ("outside", "occluded", "inside")  # as C numbers them, from 1 on
 
 
 class TipEstimate(Struct, frozen=True):
@@ -100,7 +102,7 @@ class Cannulas:
     def may_hide(self, tip: TipEstimate) -> bool:
         """Return whether a tip is where a needle that enters or leaves one of them seems to end."""
         if tip.where == "outside":
-            return bool(self._ends_px) and tip.u_px > -HUB_MM * self._px_per_mm
+            return bool(self._ends_px) and tip.u_px > -EXPOSED_MM * self._px_per_mm
         off_px = (abs(tip.u_px - end_px) for end_px in self._ends_px)
         return tip.where == "inside" and min(off_px, default=math.inf) < CANNULA_END_PX
 

@@ -95,7 +95,7 @@ class ShaftProfile:
         return widening(strip, fit.offset_px, fit.slope, beside_px, part, end) > MAX_WIDENING
 
     def fades(self, tip_px: float, until_px: float) -> bool:
-        """Return whether what is beyond an apparent tip has the profile, and fades: a shadow is even.
+        """Return whether what is beyond an apparent tip has the profile, and fades: most shadows are even.
 
         Args:
             tip_px: The apparent tip, inside the globe.

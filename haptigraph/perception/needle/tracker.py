@@ -32,7 +32,7 @@ from haptigraph.messages import Capture, Certainty, Fault, Image, ImageKind, Obs
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.needle.background import Background, occluded_ends
 from haptigraph.perception.needle.bevel import Bevel
-from haptigraph.perception.needle.coarse_tip import Cannulas, estimate_coarse_tip
+from haptigraph.perception.needle.coarse_tip import EXPOSED_MM, Cannulas, estimate_coarse_tip
 from haptigraph.perception.needle.focus import Focus
 from haptigraph.perception.needle.pose_filter import PoseFilter
 from haptigraph.perception.needle.rectify import MAX_TURN_RAD, EyeGeometry, Line, RectifiedStrip, stations
@@ -47,7 +47,6 @@ __all__ = ["Tracker", "detections_in"]
 
 AHEAD_MM = 2.5  # of the strip beyond the expected tip
 BEHIND_MM = 14.0  # of the strip before it
-EXPOSED_MM = 2.0  # outside the trocar: a tip this far out is the end, and the background ahead is free
 AHEAD_OF_TIP_MM = 0.3  # not learned as background
 MAX_MISS_MM = 1.5  # of a needle from the registered trocar
 OFF_AXIS_MM = -1.2, -0.8, -0.4, 0.4, 0.8, 1.2  # offsets of lines that are searched beside the trocar
@@ -246,7 +245,9 @@ class Tracker:
         """Select the tip and locate it sub-pixel; what continues beyond the shaft's edges is its shadow."""
         selected = self._select_end(image, detection, expected_px)
         tip = self._tip_selector.with_certainty(selected)
-        return replace(selected, tip=replace(tip, is_known=tip.is_known and not self._cannulas.may_hide(tip)))
+        if self._cannulas.may_hide(tip):
+            tip = replace(tip, is_known=False)
+        return replace(selected, tip=tip)
 
     def _select_end(self, image: Image, detection: Detection, expected_px: float) -> Detection:
         tip = self._tip_selector.select(image, detection, expected_px)
