@@ -98,14 +98,33 @@ static double rims_share(const Across *shaft, const Across *beyond, int reach, d
     return beyond->excess[middle] - rims_grey > least_grey ? minimum(left_share, right_share) : 0;
 }
 
+/* Return how far from its brightest lane a profile falls to half on one side [px]. */
+static double half_width(const Across *across, int reach, int middle, int side) {
+    const double half = across->excess[middle] / 2;
+    int k = middle, next = middle + side;
+    while (next >= 0 && next <= 2 * reach && across->excess[next] >= half) k = next, next += side;
+    const int falls = next >= 0 && next <= 2 * reach;
+    return side * (k - middle) +
+           (falls ? (across->excess[k] - half) / (across->excess[k] - across->excess[next]) : 0);
+}
+
+/* Return the width of a profile at half of its brightest lane [px]; 0 if its ground is brighter. */
+static double bright_width(const Across *across, int reach) {
+    const int middle = extreme(across, 0, 2 * reach, 1);
+    double sum = 0;
+    for (int k = 0; k <= 2 * reach; k++) sum += across->excess[k];
+    if (minimum(sum, across->excess[middle]) <= 0) return 0;
+    return half_width(across, reach, middle, -1) + half_width(across, reach, middle, 1);
+}
+
 /* Return how much of a shaft's profile, as it is from `start` to before `stop`, the stations from `from` to
    before `until` show, 1 for all of it and 0 for none; NaN if the shaft does not stand out of the noise.
-   Found are what noise does to it, and the share of dark rims about a bright middle. The shaft's middle is at
-   v = offset_px + slope u. */
+   Found are what noise does to it, the share of dark rims about a bright middle, and the widths of both
+   profiles, 0 if they are not bright. The shaft's middle is at v = offset_px + slope u. */
 EXPORT double profile_share(const Strip *strip, double offset_px, double slope, int reach, int start,
                             int stop, int from, int until, double *found) {
     Across shaft, beyond;
-    found[0] = INFINITY, found[1] = 0;
+    found[0] = INFINITY, found[1] = found[2] = found[3] = 0;
     reach = reach < MAX_REACH_PX ? reach : MAX_REACH_PX;
     if (stop <= start || until <= from || reach < 0) return NAN;
     mean_across(strip, offset_px, slope, reach, start, stop, &shaft);
@@ -118,6 +137,8 @@ EXPORT double profile_share(const Strip *strip, double offset_px, double slope, 
     found[0] = sqrt(noise_grey2 / power / (until - from));
     const double least_grey = NOISE_FLOOR * strip->noise_grey * sqrt(1.5 / (until - from));
     found[1] = rims_share(&shaft, &beyond, reach, strip->noise_grey, least_grey);
+    found[2] = bright_width(&shaft, reach);
+    found[3] = bright_width(&beyond, reach);
     return dot(&shaft, &beyond, reach) / power;
 }
 

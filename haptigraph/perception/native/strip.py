@@ -66,7 +66,7 @@ _refine_tip = LIBRARY.function("refine_tip", "pppip", ctypes.c_int)
 _profile_share = LIBRARY.function("profile_share", "pddiiiiip", ctypes.c_double)
 _widening = LIBRARY.function("widening", "pddiiiii", ctypes.c_double)
 
-_Pair, _Triple = ctypes.c_double * 2, ctypes.c_double * 3
+_Pair, _Triple, _Four = (ctypes.c_double * count for count in (2, 3, 4))
 _LineFitBuffer = ctypes.c_char * _LINE_FIT.size
 
 
@@ -175,7 +175,7 @@ def contrast_centroid(strip: RectifiedStrip, first: int, last: int, part: slice)
 
 def profile_share(
     strip: RectifiedStrip, offset_px: float, slope: float, reach_px: int, shaft: slice, part: slice
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float, float]:
     """Return how much of a shaft's own profile a part of a strip shows.
 
     Args:
@@ -189,12 +189,13 @@ def profile_share(
     Returns:
         1 for all of the profile and 0 for none, and the standard deviation; nan and inf if the shaft does not
         stand out of the noise, or a part is empty. And the share of dark rims about a bright middle, of the
-        rim that shows less; 0 without any, or if the middle is no longer brighter.
+        rim that shows less; 0 without any, or if the middle is no longer brighter. And how wide shaft and
+        part are [px], at half of their brightness over the ground; 0 if they are not bright.
     """
-    native, found = _native(strip), _Pair()
+    native, found = _native(strip), _Four()
     ends = *_span(shaft, native.stations), *_span(part, native.stations)
     given = native.packed, float(offset_px), float(slope), index(reach_px)
-    return float(_profile_share(*given, *ends, found)), found[0], found[1]
+    return float(_profile_share(*given, *ends, found)), *found
 
 
 def widening(

@@ -27,6 +27,9 @@ REST_MM, MIN_GAP = 0.5, 3  # of a shaft that is seen again beyond a gap; the gap
 BESIDE_MM = 0.15, 0.57  # from the shaft's middle, where a bubble is bright
 END_MM, BEFORE_END_MM = 0.8, 2.0  # the apparent end of a shaft, and what it is compared to
 MAX_WIDENING = 0.3  # of the shaft's contrast
+BLUNT = (-6, -3), (-3, -1)  # stations before the tip, where an end may be as wide as its shaft:
+MIN_BLUNT, MAX_BLUNT = 0.8, 1.2  # so many times; a bevel that is seen from the front is wider
+RESOLVED, FOCUSED_PX = 3.5, 0.8  # least width of its shaft, in sds of the blur; the blur of a sharp picture
 
 
 class ShaftProfile:
@@ -48,7 +51,7 @@ class ShaftProfile:
             tip_px: The apparent tip, inside the globe.
             softly: Whether a quarter of what is before the tip suffices, which few shadows have.
         """
-        share, sd, _ = self._share(tip_px, self._close(tip_px, *BEYOND))
+        share, sd, *_ = self._share(tip_px, self._close(tip_px, *BEYOND))
         before = self._share(tip_px, self._close(tip_px, *BEFORE))[0]
         return share > max(MIN_SHARE, MIN_SNR * sd, (MIN_LEFT_SOFT if softly else MIN_LEFT) * before)
 
@@ -62,7 +65,7 @@ class ShaftProfile:
             until_px: How far along the strip there is contrast.
         """
         beyond, rest = self._between(tip_px, until_px), round(REST_MM * self._px_per_mm / STATION_PX)
-        share, sd, _ = self._share(tip_px, slice(beyond.stop - rest, beyond.stop))
+        share, sd, *_ = self._share(tip_px, slice(beyond.stop - rest, beyond.stop))
         if beyond.stop - rest - beyond.start < MIN_GAP or not share > max(MIN_LEFT_SOFT, MIN_SNR * sd):
             return False
         starts = range(beyond.start, beyond.stop - rest - MIN_GAP + 1)
@@ -78,8 +81,7 @@ class ShaftProfile:
         beyond = self._between(tip_px, until_px)
         if beyond.stop - beyond.start <= MIN_GAP:
             return False
-        *_, rims = self._share(tip_px, beyond, SHAFTS_MM[1:])
-        return rims > MIN_LEFT_SOFT
+        return self._share(tip_px, beyond, SHAFTS_MM[1:])[2] > MIN_LEFT_SOFT
 
     def widens(self, tip_px: float) -> bool:
         """Return whether it gets brighter beside the shaft towards an apparent tip: a bubble is there.
@@ -93,6 +95,20 @@ class ShaftProfile:
         part = slice(max(stop - end - before, strip.inside.start), stop)
         beside_px = math.ceil(BESIDE_MM[0] * scale), math.ceil(BESIDE_MM[1] * scale)
         return widening(strip, fit.offset_px, fit.slope, beside_px, part, end) > MAX_WIDENING
+
+    def blunt_px(self, tip_px: float, blur_px: float) -> float:
+        """Return the width of a bright end that is as wide as its shaft; 0 of any other.
+
+        Args:
+            tip_px: The apparent tip, inside the globe.
+            blur_px: Standard deviation of the blur: a thin shaft is as wide as that makes it, to its end.
+        """
+        least_px = RESOLVED * max(blur_px, FOCUSED_PX)
+        widths_px = (self._share(tip_px, self._close(tip_px, *part))[3:] for part in BLUNT)
+        for shaft_px, end_px in widths_px:
+            if shaft_px < least_px or not MIN_BLUNT * shaft_px <= end_px <= MAX_BLUNT * shaft_px:
+                return 0.0
+        return end_px
 
     def fades(self, tip_px: float, until_px: float) -> bool:
         """Return whether what is beyond an apparent tip has the profile, and fades: most shadows are even.
@@ -118,7 +134,7 @@ class ShaftProfile:
         rest_px = until_px - tip_px
         if not 0 < rest_px <= MAX_FAINT_MM * self._px_per_mm:
             return 0.0
-        share, sd, _ = self._share(tip_px, self._between(tip_px, until_px))
+        share, sd, *_ = self._share(tip_px, self._between(tip_px, until_px))
         before = self._share(tip_px, self._close(tip_px, *BEFORE))[0]
         is_clear = min(share, before) > MIN_SNR * sd > 0
         return rest_px * min(share / (MIN_LEFT * before), 1.0) if is_clear else 0.0
@@ -132,8 +148,8 @@ class ShaftProfile:
 
     def _share(
         self, tip_px: float, part: slice, shafts_mm: tuple[tuple[float, float], ...] = SHAFTS_MM
-    ) -> tuple[float, float, float]:
-        """Return how much some stations show of the profile before a tip, its sd, and the share of rims."""
+    ) -> tuple[float, float, float, float, float]:
+        """Return what `profile_share` says about some stations, and the profile before a tip."""
         strip, fit = self._strip, self._fit
         tip = int(strip.u_px.searchsorted(tip_px))
         reach_px = math.ceil(fit.width_px / 2) + REACH_PX
@@ -142,4 +158,4 @@ class ShaftProfile:
             stop = tip + round(until_mm * self._px_per_mm / STATION_PX)
             if stop - start >= MIN_SHAFT:
                 return profile_share(strip, fit.offset_px, fit.slope, reach_px, slice(start, stop), part)
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0, 0.0

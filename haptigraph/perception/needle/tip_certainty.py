@@ -26,6 +26,8 @@ NOISE_MM = 0.115  # per grey level of noise, of a contrast of one
 TEXTURE_GREY = 2.2  # works like noise
 WALL_MM, NEAR_WALL_MM = 0.055, 0.6  # so near to the far wall a point mirrors it: its last part is not seen
 
+BLUNT_SHARE = 0.15  # of the width of a bright end: its rim mirrors what is dark; the mean, and its sd
+
 MAX_SD_MM = 0.2  # of a tip whose place is known
 OUTSIDE_MM = 0.03  # sd of a contrast step outside the globe
 UNLOCATED_MM = 1.6  # where contrast is lost without a step: the point goes on, too thin or too faint
@@ -43,6 +45,7 @@ def with_certainty(
     blur_px: float,
     px_per_mm: float,
     rest_px: float = 0.0,
+    blunt_px: float = 0.0,
 ) -> TipEstimate:
     """Return a tip inside the globe with its standard deviation, and whether its place is known.
 
@@ -54,6 +57,7 @@ def with_certainty(
         blur_px: Standard deviation of the blur across the shaft's edges.
         px_per_mm: Scale.
         rest_px: Length of a faint rest beyond the tip that may belong to the point.
+        blunt_px: Width of a bright, blunt end.
     """
     behind_grey, point_grey, beyond_grey, noise_grey = _contrasts(strip, tip.u_px)
     contrast_grey = max(tip.contrast_grey, 1.0)
@@ -64,11 +68,13 @@ def with_certainty(
         px_per_mm * FADING_MM * min(max(behind_grey / max(point_grey, 1.0) - 1, 0.0), MAX_FADING),
         px_per_mm * NOISE_MM * (strip.noise_grey + TEXTURE_GREY) / contrast_grey,
         px_per_mm * WALL_MM if _is_near_wall(strip, tip.u_px, NEAR_WALL_MM * px_per_mm) else 0.0,
+        BLUNT_SHARE * blunt_px,
     )
     continues = until_px > tip.u_px and beyond_grey > max(MAX_SHADOW * behind_grey, noise_grey)
     is_certain = math.hypot(tip.sd_px, shift_sd_px) <= MAX_SD_MM * px_per_mm
     is_known = tip.is_known and is_certain and not continues
-    return replace(tip, shift_sd_px=math.hypot(tip.shift_sd_px, shift_sd_px, rest_px), is_known=is_known)
+    shift_sd_px = math.hypot(tip.shift_sd_px, shift_sd_px, rest_px)
+    return replace(tip, hidden_px=BLUNT_SHARE * blunt_px, shift_sd_px=shift_sd_px, is_known=is_known)
 
 
 def outside_globe(tip: TipEstimate, px_per_mm: float) -> TipEstimate:

@@ -241,7 +241,8 @@ class TipSelector:
         until_px, edges_end_px = detection.candidate.tip.u_px, detection.edges_end_px
         profile, scale = self._profile(detection), self._eye.px_per_mm
         rest_px = profile.faint_rest_px(tip.u_px, until_px)
-        tip = with_certainty(strip, tip, until_px, edges_end_px, fit.blur_px, scale, rest_px)
+        blunt_px = profile.blunt_px(tip.u_px, self._blur_px(detection))
+        tip = with_certainty(strip, tip, until_px, edges_end_px, fit.blur_px, scale, rest_px, blunt_px)
         return replace(tip, is_known=False) if tip.is_known and profile.widens(tip.u_px) else tip
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:

@@ -32,7 +32,7 @@ from haptigraph.messages import Capture, Certainty, Fault, Image, ImageKind, Obs
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.needle.background import Background, occluded_ends
 from haptigraph.perception.needle.bevel import Bevel
-from haptigraph.perception.needle.coarse_tip import EXPOSED_MM, Cannulas, estimate_coarse_tip
+from haptigraph.perception.needle.coarse_tip import EXPOSED_MM, Cannulas, TipEstimate, estimate_coarse_tip
 from haptigraph.perception.needle.focus import Focus
 from haptigraph.perception.needle.pose_filter import PoseFilter
 from haptigraph.perception.needle.rectify import MAX_TURN_RAD, EyeGeometry, Line, RectifiedStrip, stations
@@ -115,7 +115,7 @@ class Tracker:
         found: dict[str, Geometry] = dict(self._registration.anatomy)
         if detection is None or detection.tip.where == "occluded":
             return Observation(capture.stamp_ns, found, () if self._is_eye_visible else (NO_EYE,))
-        needle = self._needle() if detection.tip.is_known else self._shaft(detection)
+        needle = self._needle(detection.tip) if detection.tip.is_known else self._shaft(detection)
         return Observation(capture.stamp_ns, found | needle, certainty=self._certainty(detection))
 
     def detect(self, image: Image, stamp_ns: int) -> Detection | None:
@@ -290,8 +290,8 @@ class Tracker:
             until_px = max(until_px, 0.0)  # it may continue into the wall, which occludes it
         return occluded_ends(self._eye, line, until_px)
 
-    def _needle(self) -> dict[str, Geometry]:
-        line, depth_px = self._pose.line, self._pose.depth_px
+    def _needle(self, tip: TipEstimate) -> dict[str, Geometry]:
+        line, depth_px = self._pose.line, self._pose.depth_px + tip.hidden_px
         (x, y), (nx, ny) = line.at_px(self._eye.trocar_px, depth_px), line.normal
         off_axis_px = self._bevel.off_axis_px
         tip_px = x + off_axis_px * nx, y + off_axis_px * ny

@@ -31,7 +31,7 @@ def soft_point(rest_px: float, grey: float = -20.0):
 @pytest.mark.parametrize("grey", [-40.0, 25.0])
 def test_a_shaft_shows_all_of_its_profile_and_its_ground_none(grey):
     drawn = strip(needle(3.0, grey=grey))
-    share, sd, _ = profile_share(drawn, 0.0, 0.0, 8, SHAFT, slice(70, 80))
+    share, sd, *_ = profile_share(drawn, 0.0, 0.0, 8, SHAFT, slice(70, 80))
     assert share == pytest.approx(1.0, abs=5 * sd)
     assert profile_share(drawn, 0.0, 0.0, 8, SHAFT, slice(110, 120))[0] == pytest.approx(0.0, abs=5 * sd)
 
@@ -40,7 +40,7 @@ def test_the_standard_deviation_of_a_share_is_that_of_many_strips():
     excess = needle(3.0, grey=-8.0)
     shares = []
     for seed in range(200):
-        share, sd, _ = profile_share(noisy(excess, seed), 0.0, 0.0, 8, SHAFT, slice(110, 114))
+        share, sd, *_ = profile_share(noisy(excess, seed), 0.0, 0.0, 8, SHAFT, slice(110, 114))
         shares.append(share)
     assert np.std(shares) == pytest.approx(sd, rel=0.25)
 
@@ -55,8 +55,8 @@ def test_follows_a_shaft_across_the_lanes():
 
 @pytest.mark.parametrize("parts", [(slice(5, 5), slice(9, 12)), (slice(5, 9), slice(12, 12))])
 def test_without_stations_there_is_no_share(parts):
-    share, sd, rims = profile_share(strip(needle(3.0)), 0.0, 0.0, 8, *parts)
-    assert np.isnan(share) and sd == np.inf and rims == 0
+    share, sd, *others = profile_share(strip(needle(3.0)), 0.0, 0.0, 8, *parts)
+    assert np.isnan(share) and sd == np.inf and others == [0, 0, 0]
 
 
 def test_what_does_not_stand_out_of_the_noise_has_no_profile():
@@ -211,3 +211,31 @@ def test_what_has_no_gap_or_nothing_beyond_it_does_not_resume():
     drawn, fit = seen(needle(3.0, grey=60.0))
     assert not ShaftProfile(drawn, fit, PX_PER_MM).resumes(END_PX - 40, END_PX)
     assert not ShaftProfile(drawn, fit, PX_PER_MM).resumes(END_PX, END_PX + 40)
+
+
+@pytest.mark.parametrize("half_width_px", [3.0, 5.0, 7.0])
+def test_a_bright_end_as_wide_as_its_shaft_is_blunt(half_width_px):
+    drawn, fit = seen(needle(half_width_px, grey=60.0))
+    blunt_px = ShaftProfile(drawn, fit, PX_PER_MM).blunt_px(END_PX, 0.8)
+    assert blunt_px == pytest.approx(2 * half_width_px, abs=1.5)
+
+
+def test_a_point_a_dark_end_and_a_bevel_from_the_front_are_not_blunt():
+    along_px = (END_PX - U_PX) / PX_PER_MM  # mm before the end
+    point = np.clip(along_px / 2, 0.1, 1) * 6
+    bevel = 4 + 3 * ((along_px > 0) & (along_px < 1.2))
+    for excess in (needle(point, grey=60.0), needle(5.0, grey=-60.0), needle(bevel, grey=60.0)):
+        drawn, fit = seen(excess)
+        assert ShaftProfile(drawn, fit, PX_PER_MM).blunt_px(END_PX, 0.8) == 0.0
+
+
+def test_a_shaft_as_wide_as_its_blur_may_have_any_end():
+    drawn, fit = seen(needle(3.0, grey=60.0))
+    profile = ShaftProfile(drawn, fit, PX_PER_MM)
+    assert profile.blunt_px(END_PX, 0.8) > 0 == profile.blunt_px(END_PX, 3.0)
+
+
+def test_so_near_to_the_wall_that_no_shaft_shows_no_end_is_blunt():
+    drawn, fit = seen(needle(5.0, grey=60.0))
+    first = float(drawn.u_px[drawn.inside.start])
+    assert ShaftProfile(drawn, fit, PX_PER_MM).blunt_px(first + 4, 0.8) == 0.0

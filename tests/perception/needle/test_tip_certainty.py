@@ -116,3 +116,11 @@ def test_a_faint_rest_that_may_belong_to_the_point_counts():
     plain = certain(needle(4))
     faint = with_certainty(strip(needle(4)), TIP, END_PX + 3, END_PX, 0.6, PX_PER_MM, rest_px=3.0)
     assert faint.shift_sd_px == pytest.approx(math.hypot(plain.shift_sd_px, 3.0), rel=0.05)
+
+
+def test_a_bright_blunt_tip_is_usually_beyond_what_shows_and_less_certain():
+    plain = certain(needle(4, grey=40.0))
+    blunt = with_certainty(strip(needle(4, grey=40.0)), TIP, END_PX, END_PX, 0.6, PX_PER_MM, blunt_px=8.0)
+    assert plain.hidden_px == 0.0 and plain.u_px == blunt.u_px
+    assert 0.5 < blunt.hidden_px < 2.0
+    assert blunt.shift_sd_px == pytest.approx(math.hypot(plain.shift_sd_px, blunt.hidden_px), rel=0.01)
