@@ -24,6 +24,7 @@ PIPE_ENTITIES = {"needle_tip": "light_pipe_tip", "needle_line": "light_pipe_line
 OCCLUDED_WIDTH_MM = 4.0  # around the shaft, excluded from the background model: jaws open no wider
 BEYOND_MM = 4.0  # beyond the visible end of the shaft, excluded too: jaws are no longer
 SAMPLING_PX = 3  # beyond a patch, between whose pixels it is interpolated
+PIPE_EVERY = 3  # images, of which a light pipe that has not been visible for so many is searched for in one
 MIN_JAW_DEPTH_MM = 2.0  # from the trocar; with less, jaws are not visible yet
 
 
@@ -47,6 +48,7 @@ class ForcepsPerceiver:
             Tracker(replace(registration, trocar=trocar), config) for trocar in registration.other_trocars
         ]
         self._pipe = others[0] if others else None
+        self._images_without_pipe = 0
         self._stains = StainedTissue(registration)
         eye = EyeGeometry(registration)
         self._px_per_mm, self._globe = eye.px_per_mm, (eye.center_px, eye.inner_px)
@@ -57,6 +59,7 @@ class ForcepsPerceiver:
     def reset(self) -> None:
         """Forget earlier images."""
         self._background.reset()
+        self._images_without_pipe = 0
         for tracker in (self._shaft, self._pipe):
             if tracker is not None:
                 tracker.reset()
@@ -72,14 +75,22 @@ class ForcepsPerceiver:
         found: dict[str, Geometry] = dict(self._registration.anatomy) | tissue
         capture = replace(capture, image=undyed)
         shaft = self._shaft(capture)
-        pipe = self._pipe(capture).found if self._pipe else {}
-        found |= {PIPE_ENTITIES[name]: shape for name, shape in pipe.items() if name in PIPE_ENTITIES}
+        found |= self._light_pipe(capture)
         forceps = self._forceps(image, shaft.found, found.get("light_pipe_line"))
         self._learn(image, shaft.found)
         certainty = shaft.certainty if forceps else None
         if certainty is not None and "forceps_tip" not in forceps:
             certainty = replace(certainty, tip_sd_mm=None)
         return Observation(capture.stamp_ns, found | forceps, certainty=certainty)
+
+    def _light_pipe(self, capture: Capture) -> dict[str, Geometry]:
+        if self._pipe is None:
+            return {}
+        is_searched = self._images_without_pipe < PIPE_EVERY or self._images_without_pipe % PIPE_EVERY == 0
+        seen = self._pipe(capture).found if is_searched else {}
+        pipe = {PIPE_ENTITIES[name]: shape for name, shape in seen.items() if name in PIPE_ENTITIES}
+        self._images_without_pipe = 0 if pipe else self._images_without_pipe + 1
+        return pipe
 
     def _forceps(
         self, image: Image, shaft: dict[str, Geometry], pipe: Geometry | None

@@ -13,6 +13,9 @@ from haptigraph.messages import Capture
 from haptigraph.perception.forceps.forceps import ForcepsPerceiver
 from haptigraph.recording.reader import RunReader
 from haptigraph.registration.loading import parse_registration
+from haptigraph.sim.phantom import Phantom
+from haptigraph.sim.scenario import load_scenario
+from haptigraph.sources.phantom import capture_of
 
 RUN = GOLDEN / "membrane_peeling.mcap"
 COLLISION_S = (21.0, 24.0)
@@ -97,3 +100,18 @@ def test_a_background_image_has_neither_forceps_nor_tissue(registration):
     image = np.full((240, 320, 3), 180, np.uint8)
     for number in range(3):
         assert perceive(Capture(number, number, image)).found == registration.anatomy
+
+
+def test_a_light_pipe_that_enters_late_is_found_within_a_tenth_of_a_second():
+    scenario = load_scenario("membrane_peeling")
+    away, inside = (replace(scenario.moves[0], duration_s=0.7, pipe_depth_mm=mm) for mm in (-20.0, 8.0))
+    phantom = Phantom(replace(scenario, moves=(away, inside)))
+    perceive = ForcepsPerceiver(parse_registration(phantom.registration, "eye"), PerceptionConfig())
+    is_due, is_found = [], []
+    while (moment := phantom.advance()) is not None:
+        observation = perceive(capture_of(moment, len(is_due), len(is_due) * 33_000_000))
+        is_due.append(math.hypot(*moment.truth.others["light_pipe_tip"].at_mm) < 12.0)
+        is_found.append("light_pipe_tip" in observation.found)
+    assert not any(is_found[:10])
+    assert is_found.index(True) <= is_due.index(True) + 2
+    assert all(is_found[is_due.index(True) + 2 :])
