@@ -25,7 +25,6 @@ MAX_FADING = 2.0  # such times: the point of a bevel is beside the axis, and pla
 NOISE_MM = 0.115  # per grey level of noise, of a contrast of one
 TEXTURE_GREY = 2.2  # works like noise
 WALL_MM, NEAR_WALL_MM = 0.055, 0.6  # so near to the far wall a point mirrors it: its last part is not seen
-
 BLUNT_SHARE = 0.15  # of the width of a bright end: its rim mirrors what is dark; the mean, and its sd
 
 MAX_SD_MM = 0.2  # of a tip whose place is known

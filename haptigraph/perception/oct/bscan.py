@@ -4,14 +4,13 @@ Turns an image (px) into positions (eye frame, mm), by shortest paths, ridges an
 shadow. Every image is processed independently.
 """
 
-import cv2
 import numpy as np
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.imaging import grey_of
 from haptigraph.messages import Capture, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
-from haptigraph.perception.oct.needle import CONSTANTS, Needle, find_needle
+from haptigraph.perception.oct.needle import Needle, find_needle, without_needle
 from haptigraph.perception.oct.scan_geometry import Layers, ObservationBuilder, Shaft
 from haptigraph.perception.oct.scan_image import ScanImage, ScanScale, scan_image
 from haptigraph.perception.oct.surfaces import Surfaces, find_surfaces
@@ -54,20 +53,11 @@ class BscanPerceiver:
         surfaces = find_surfaces(scan)
         needle, surfaces = find_needle(scan, surfaces, _brightest_beside(scan, surfaces))
         if needle and not surfaces.ilm_visible.any():  # perhaps a ghost was mistaken for all of it
-            surfaces = find_surfaces(_without(scan, needle))
+            surfaces = find_surfaces(without_needle(scan, needle))
             needle, surfaces = find_needle(scan, surfaces, _brightest_beside(scan, surfaces))
         return self._build_observation(
             capture.stamp_ns, _layers(scan, surfaces), needle and _shaft(scan, needle)
         )
-
-
-def _without(scan: ScanImage, needle: Needle) -> ScanImage:
-    """Return a B-scan in which it is dark along a needle."""
-    ends = needle.ridge.line.start_px, needle.tip_px
-    start, tip = ((round(x), round(y)) for x, y in ends)
-    width_px = max(round(CONSTANTS.on_ridge_mm / scan.scale.axial_mm), 1)
-    image = cv2.line(scan.image.copy(), start, tip, scan.levels.dark_grey, width_px)
-    return scan_image(np.asarray(image, np.uint8), scan.scale)
 
 
 def _brightest_beside(scan: ScanImage, surfaces: Surfaces) -> float:

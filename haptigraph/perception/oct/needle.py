@@ -9,13 +9,14 @@ shaft's line meets it, or the lower end of a bright spot beside that line: the f
 import math
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from haptigraph.geometry import Vec
 from haptigraph.perception.native.bscan_needle import RidgeLine, ShaftSearch, SurfacePair, find_shaft
 from haptigraph.perception.oct.bevel import Drop, drop_in_tissue, drop_in_vitreous
 from haptigraph.perception.oct.ridge import Ridge, ridge_search
-from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage
+from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage, scan_image
 from haptigraph.perception.oct.shadow import Edge, find_shadow_edge
 from haptigraph.perception.oct.surfaces import Surfaces, row_at, without_specks
 
@@ -24,6 +25,7 @@ __all__ = [
     "NeedleConstants",
     "Shaft",
     "find_needle",
+    "without_needle",
 ]
 
 
@@ -134,6 +136,14 @@ def find_needle(scan: ScanImage, surfaces: Surfaces, dark_grey: float) -> tuple[
     ilm_visible = surfaces.ilm_visible & in_light | without_ridge.ilm_visible & elsewhere
     rpe_visible = surfaces.rpe_visible & in_light | without_ridge.rpe_visible & elsewhere
     return needle, surfaces._replace(ilm_visible=ilm_visible, rpe_visible=rpe_visible)
+
+
+def without_needle(scan: ScanImage, needle: Needle) -> ScanImage:
+    """Return a B-scan in which it is dark along a needle, or along a ghost that was taken for one."""
+    start, tip = ((round(x), round(y)) for x, y in (needle.ridge.line.start_px, needle.tip_px))
+    width_px = max(round(CONSTANTS.on_ridge_mm / scan.scale.axial_mm), 1)
+    image = cv2.line(scan.image.copy(), start, tip, scan.levels.dark_grey, width_px)
+    return scan_image(np.asarray(image, np.uint8), scan.scale)
 
 
 def _shaft_search(scan: ScanImage, tissue_grey: float) -> ShaftSearch:

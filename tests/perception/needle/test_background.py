@@ -94,6 +94,8 @@ def test_detects_a_needle_as_bright_as_an_orange_background(eye, registration):
         depth_px = DEPTH_PX if number else None
         observation = perceive(Capture(number, number * 33_000_000, draw_eye(eye, ORANGE_GROUND, depth_px)))
         assert ("needle_tip" in observation.found) == (depth_px is not None)
+    step = perceive.detect(draw_eye(eye, ORANGE_GROUND, DEPTH_PX), 99_000_000)
+    assert norm(subtract(step.line.at_px(eye.trocar_px, step.tip.u_px), true_px)) < 1
     tip_px = registration.image.to_px(observation.found["needle_tip"].at_mm)
     sd_px = observation.certainty.tip_sd_mm / registration.image.mm_per_px
     assert norm(subtract(tip_px, true_px)) < 2 * sd_px < 3  # a blunt end that mirrors nothing

@@ -33,7 +33,7 @@ def test_keys_steer_the_simulated_needle_and_the_recording_has_it(tmp_path):
     ) as run:
         os.close(terminal)
         try:
-            while b"retinal_" not in line:  # approach, or contact after a late step; it starts 10 mm before
+            while b"retinal_approach" not in line:  # it starts 10 mm before that
                 if select([run.stdout], [], [], 0.1)[0]:
                     line = run.stdout.readline()
                     assert line, "the run has ended"
