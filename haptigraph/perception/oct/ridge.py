@@ -40,8 +40,8 @@ class RidgeConstants(NamedTuple):
     inlier_mm: float = 0.0075
     """From the line, of the ridge's centre."""
     gap_mm: float = 0.12
-    run_mm: float = 0.1
-    """A longer gap ends a ridge, after a run of this length."""
+    run_mm: float = 0.06
+    """A longer gap ends a ridge, after a run of this length: so far, a line may cross a thick ridge."""
     beyond_mm: float = 0.45
     """Kept beyond the end of a ridge."""
 

@@ -204,7 +204,7 @@ static int unbroken(const Samples *samples, const RidgeSearch *search, int32_t *
 static int fit_ridge(const Samples *samples, const RidgeSearch *search, int fits, int32_t *on_ridge,
                      double *middle, double *fit) {
     const int count = unbroken(samples, search, on_ridge);
-    if (count * samples->every < MIN_SAMPLES * ALONG_STEPS) return -1;
+    if (count < MIN_SAMPLES || count * samples->every < search->run) return -1;
     for (int number = 0; number < count; number++) {
         const float *lanes = samples->lanes + (ptrdiff_t)on_ridge[number] * STRIP_LANES;
         const float level = 0.6f * samples->mean[on_ridge[number]] + 0.4f * samples->core[on_ridge[number]];
