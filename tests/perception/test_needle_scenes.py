@@ -82,6 +82,14 @@ def test_a_tip_that_is_hidden_or_outside_is_not_reported_inside(number, seed, is
     assert hidden >= 8
 
 
+def test_a_tip_that_came_through_the_wall_is_not_reported_outside():
+    """Its shaft crosses something as bright as itself, before a white wall."""
+    tips = [tip for tip in observed(51, 422) if tip[0].visible and tip[0].depth_mm > 0]
+    assert sum("needle_line" in observation.found for _, observation, *_ in tips) >= 8
+    for _, _, off_px, mm_per_px in tips:
+        assert off_px is None or math.hypot(*off_px) * mm_per_px < RIM_MM
+
+
 def test_a_cannula_that_turns_when_its_needle_is_taken_away_is_no_needle():
     seen = [(truth, "needle_line" in each.found) for truth, each, *_ in observed(15, 388)]
     last = max(index for index, (truth, _) in enumerate(seen) if truth.visible)

@@ -1,9 +1,9 @@
 """How certain a tip is: its standard deviation along the shaft, and whether its place is known at all.
 
 Turns a located tip and what the strip shows about it into a standard deviation. Noise over the slope of the
-contrast step is its least part: blur, a point that fades before its end, and edges that end before the
-contrast does leave more open. Where more continues than a shadow could be, or the standard deviation is too
-large to tell contact, the place is not known.
+contrast step is its least part: blur, a point that fades before its end or is lost by compression, and edges
+that end before the contrast does leave more open. Where more continues than a shadow could be, or the
+standard deviation is too large to tell contact, the place is not known.
 """
 
 import math
@@ -24,6 +24,8 @@ FADING_MM = 0.058  # per time that the contrast behind the point is greater than
 MAX_FADING = 2.0  # such times: the point of a bevel is beside the axis, and plain
 NOISE_MM = 0.115  # per grey level of noise, of a contrast of one
 TEXTURE_GREY = 2.2  # works like noise
+FAINT_MM = 0.2  # of a point as faint as texture and compression; less by its contrast squared
+LOST_SHARE = 0.3  # of the quantum of a compressed picture: so much is lost of a point
 WALL_MM, NEAR_WALL_MM = 0.055, 0.6  # so near to the far wall a point mirrors it: its last part is not seen
 BLUNT_SHARE = 0.15  # of the width of a bright end: its rim mirrors what is dark; the mean, and its sd
 
@@ -45,6 +47,7 @@ def with_certainty(
     px_per_mm: float,
     rest_px: float = 0.0,
     blunt_px: float = 0.0,
+    quantum_grey: float = 0.0,
 ) -> TipEstimate:
     """Return a tip inside the globe with its standard deviation, and whether its place is known.
 
@@ -57,15 +60,17 @@ def with_certainty(
         px_per_mm: Scale.
         rest_px: Length of a faint rest beyond the tip that may belong to the point.
         blunt_px: Width of a bright, blunt end.
+        quantum_grey: Least that is left of a wave in a compressed picture.
     """
     behind_grey, point_grey, beyond_grey, noise_grey = _contrasts(strip, tip.u_px)
-    contrast_grey = max(tip.contrast_grey, 1.0)
+    faint = (TEXTURE_GREY + LOST_SHARE * quantum_grey) / max(point_grey, 1.0)
     edgeless_px = min(max(tip.u_px - edges_end_px, 0.0), EDGELESS_MM * px_per_mm)
     shift_sd_px = math.hypot(
         BLUR_SHARE * blur_px,
         EDGELESS_SHARE * edgeless_px,
         px_per_mm * FADING_MM * min(max(behind_grey / max(point_grey, 1.0) - 1, 0.0), MAX_FADING),
-        px_per_mm * NOISE_MM * (strip.noise_grey + TEXTURE_GREY) / contrast_grey,
+        px_per_mm * NOISE_MM * (strip.noise_grey + TEXTURE_GREY) / max(tip.contrast_grey, 1.0),
+        px_per_mm * FAINT_MM * faint**2,
         px_per_mm * WALL_MM if _is_near_wall(strip, tip.u_px, NEAR_WALL_MM * px_per_mm) else 0.0,
         BLUNT_SHARE * blunt_px,
     )

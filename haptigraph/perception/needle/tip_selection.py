@@ -84,7 +84,7 @@ class TipSelector:
         eye: The eye's geometry.
         background: The background model.
         bevel: How far off the axis the tip is.
-        focus: How blurred the picture is.
+        focus: How blurred and compressed the picture is.
     """
 
     def __init__(self, eye: EyeGeometry, background: Background, bevel: Bevel, focus: Focus) -> None:
@@ -232,17 +232,25 @@ class TipSelector:
         return refine_tip(patch, tip, about_px, off_px, blur_px, uses_chroma=uses_chroma) if patch else None
 
     def with_certainty(self, detection: Detection) -> TipEstimate:
-        """Return a detection's tip with its standard deviation, and whether its place is known."""
+        """Return a detection's tip with its standard deviation, and whether its place is known.
+
+        A tip outside is not, if its shaft goes on to the wall: it may be in the eye.
+        """
         strip, fit, tip = detection.candidate.strip, detection.fit, detection.tip
         if tip.where == "outside":
-            return outside_globe(tip, self._eye.px_per_mm)
+            wall_px = float(strip.u_px[strip.outside.stop - 1])
+            tip = outside_globe(tip, self._eye.px_per_mm)
+            return replace(tip, is_known=False) if continues(strip, tip.u_px, wall_px) else tip
         if tip.where != "inside":
             return tip
         until_px, edges_end_px = detection.candidate.tip.u_px, detection.edges_end_px
         profile, scale = self._profile(detection), self._eye.px_per_mm
         rest_px = profile.faint_rest_px(tip.u_px, until_px)
         blunt_px = profile.blunt_px(tip.u_px, self._blur_px(detection))
-        tip = with_certainty(strip, tip, until_px, edges_end_px, fit.blur_px, scale, rest_px, blunt_px)
+        tip = with_certainty(
+            *(strip, tip, until_px, edges_end_px, fit.blur_px, scale, rest_px, blunt_px),
+            quantum_grey=self._focus.quantum_grey,
+        )
         return replace(tip, is_known=False) if tip.is_known and profile.widens(tip.u_px) else tip
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:

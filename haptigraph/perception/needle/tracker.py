@@ -7,7 +7,7 @@ stub outside looks like an empty port. `Tracker.detect` runs the stages, one mod
 
 stage              module          computes
 predict            pose_filter     the expected line and tip, from earlier images
-focus              focus           how blurred the picture is, in every 16th image
+focus              focus           how blurred and compressed it is, in every 16th image
 search             search          candidate lines, if no needle is tracked or it was lost
 visible globe      visible_globe   whether there is an eye at all, before a needle is acquired
 rectify            rectify         the strip along a line, and a tip patch, less the background

@@ -70,6 +70,20 @@ def test_a_shadow_beyond_a_tip_leaves_it_known():
     assert certain(shadow, until_px=END_PX + 60).is_known
 
 
+def test_a_faint_point_in_a_compressed_picture_may_go_on():
+    clear, faint = (
+        with_certainty(
+            *(strip(needle(4, grey=grey)), replace(TIP, contrast_grey=grey)),
+            *(END_PX, END_PX, 0.6, PX_PER_MM),
+            quantum_grey=22.0,
+        )
+        for grey in (60.0, 6.0)
+    )
+    assert clear.is_known and clear.shift_sd_px < 0.5
+    assert not faint.is_known and faint.shift_sd_px > MAX_SD_MM * PX_PER_MM
+    assert certain(needle(4, grey=6.0), replace(TIP, contrast_grey=6.0)).is_known
+
+
 def test_a_tip_that_noise_puts_anywhere_is_not_known():
     noisy = TipEstimate("inside", END_PX, 100.0, sd_px=2 * MAX_SD_MM * PX_PER_MM, contrast_grey=40.0)
     assert not certain(needle(4), noisy).is_known
