@@ -90,6 +90,10 @@ def test_a_tip_that_came_through_the_wall_is_not_reported_outside():
         assert off_px is None or math.hypot(*off_px) * mm_per_px < RIM_MM
 
 
+def test_debris_in_line_with_a_trocar_is_no_needle():
+    assert not any("needle_line" in observation.found for _, observation, *_ in observed(33, 441))
+
+
 def test_a_cannula_that_turns_when_its_needle_is_taken_away_is_no_needle():
     seen = [(truth, "needle_line" in each.found) for truth, each, *_ in observed(15, 388)]
     last = max(index for index, (truth, _) in enumerate(seen) if truth.visible)

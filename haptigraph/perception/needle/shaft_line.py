@@ -6,6 +6,7 @@ shaft's edges, `native/shaft_line.c` fits a line to their middles.
 
 import math
 
+import numpy as np
 from msgspec import Struct
 
 from haptigraph.imaging import FloatImage, Mask
@@ -17,6 +18,7 @@ __all__ = ["BLOCK_PX", "NEW", "Appearance", "LineFit", "fit_line"]
 BLOCK_PX = native.BLOCK * STATION_PX
 """From block to block."""
 
+MIN_BESIDE = 0.2  # of the blocks beside the wall
 RUN = b"\1\1\1"  # fewer steep blocks in a row may be noise
 
 
@@ -66,6 +68,11 @@ class LineFit(Struct, frozen=True, eq=False):
         before, beyond = self.is_steep[max(wall - len(RUN), 0) : wall], self.is_steep[wall:]
         ends_before = before.endswith(b"\0") and len(beyond) >= len(RUN) and 1 not in beyond
         return beyond.count(1) >= len(RUN) or (before.count(1) >= 2 and not ends_before)
+
+    def is_beside(self, wall_px: float, within_px: float) -> bool:
+        """Return whether the line shows beside the wall, on either side of it."""
+        is_near = np.abs(self.u_px - wall_px) < within_px
+        return int(np.count_nonzero(self.is_on_line & is_near)) >= MIN_BESIDE * int(np.count_nonzero(is_near))
 
     def is_unbroken(self, from_px: float, to_px: float) -> bool:
         """Return whether steep edges are everywhere between two positions along the strip."""

@@ -42,6 +42,7 @@ COLORED_PX, COLORED_SHARE = 1.0, 0.5  # of a shaft that continues beyond a contr
 COLORED_SD_PX = 3.0
 DIM_BEHIND_PX = 6  # of a dim point, over which its contrast is measured
 
+BESIDE_MM = 4.0  # of the trocar
 MAX_OFF_AXIS_PX = 3.0
 """A tip further off the strip's middle needs a strip of its own."""
 
@@ -75,6 +76,10 @@ class Detection(Struct, frozen=True, eq=False):
         """How far along the strip both edges of the shaft are visible inside the globe."""
         strip = self.candidate.strip
         return self.fit.end_px(float(strip.u_px[strip.inside.start]))
+
+    def is_adrift(self, px_per_mm: float) -> bool:
+        """Return whether what is in the globe does not show beside the wall: it is debris."""
+        return self.tip.where == "inside" and not self.fit.is_beside(0.0, BESIDE_MM * px_per_mm)
 
 
 class TipSelector:

@@ -181,8 +181,10 @@ class Tracker:
         self._is_eye_visible = self._is_globe_visible(image)
         if not self._is_eye_visible:
             return None
-        again = self._measured_again(image, detection) or (None if self._background.is_new else detection)
-        return again and self._select_tip(image, again)
+        again = self._measured_again(image, detection)
+        if self._background.is_new and (again is None or again.is_adrift(self._eye.px_per_mm)):
+            return None
+        return self._select_tip(image, again or detection)
 
     def _measured_again(
         self, image: Image, detection: Detection, from_px: float = -math.inf
