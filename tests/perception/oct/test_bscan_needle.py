@@ -121,6 +121,7 @@ def test_above_the_retina_the_tip_is_exact_and_the_line_runs_along_the_shaft(sco
         pytest.param(6, 47023, {"tilt_deg": 12.0}, id="a floater below the bevel's point"),
         pytest.param(30, 34003, {"tilt_deg": 0.0}, id="a ghost that meets a short shaft"),
         pytest.param(48, 283023, {"ghost_db": 8.0}, id="a short shaft, and tissue in line with its side"),
+        pytest.param(8, 293003, {"place": "above"}, id="a streak at the image's bottom"),
         pytest.param(37, 271023, {"ghost_db": 8.0}, id="a ghost that is mistaken for tissue"),
         pytest.param(42, 87023, {"vessels": 8, "vessel_db": 14.0}, id="a floater in line with the tip"),
         pytest.param(43, 21723, {"vessels": 8, "vessel_db": 14.0}, id="a vessel that dims the tissue"),

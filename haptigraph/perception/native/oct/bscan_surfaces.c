@@ -26,18 +26,21 @@ static inline float mean(const int32_t *sums, int start, int stop, float scale) 
     return (float)(sums[stop] - sums[start]) * (scale / (float)(stop - start));
 }
 
-/* Write a column's sums over its rows so far; beyond the image, its first and last rows repeat. */
+/* Write a column's sums over its rows so far; above the image its first row repeats, and below it the darker
+   of its last two: one bright row there may be a streak. */
 static inline void sum_column(const Grid *grid, int column, int group, int above, int below, int32_t *sums) {
     const int32_t *cells = grid->cells + (ptrdiff_t)column * group;
-    int32_t sum = 0, value = 0;
+    int32_t sum = 0, value = 0, before = 0;
     for (int cell = 0; cell < group; cell++) value += cells[cell];
     *sums++ = 0;
     for (int row = 0; row < above; row++) *sums++ = sum += value;
     for (int row = 0; row < grid->rows; row++, cells += grid->columns) {
+        before = value;
         value = 0;
         for (int cell = 0; cell < group; cell++) value += cells[cell];
         *sums++ = sum += value;
     }
+    if (before < value) value = before;
     for (int row = 0; row < below; row++) *sums++ = sum += value;
 }
 
