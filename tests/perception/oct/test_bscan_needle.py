@@ -156,6 +156,16 @@ def test_a_line_runs_along_a_short_shaft_not_across_it():
     assert line_distance_px(observation, image, scan.truth.needle.tip_px) <= 1
 
 
+@pytest.mark.parametrize("number", [21, 46])
+def test_bright_tissue_behind_a_short_shaft_does_not_turn_its_line(number):
+    """The tip is in tissue, as far behind the last metal that shows as that is long."""
+    scene = random_scene(number, 299013, tilt_deg=6.0)
+    perceive, image = perceiver_of(scene)
+    scan = scene.take()
+    observation = perceive(Capture(0, 0, scan.image))
+    assert line_distance_px(observation, image, scan.truth.needle.tip_px) <= 2
+
+
 @pytest.mark.parametrize("before_px", mostly_slow([0, 8, 20], 8))
 @pytest.mark.parametrize("drop_px", mostly_slow([15, 30, 45], 30))
 def test_a_bevel_in_two_parts_is_joined_and_leaves_the_line_on_the_shaft(drop_px, before_px):

@@ -16,6 +16,7 @@
 #define FLANK_START 7
 #define MIN_SAMPLES 5
 #define TAKEN (-16384)
+#define METAL_SHARE 0.5 /* of the contrast where a ridge begins */
 
 typedef struct {
     double dx, dy;
@@ -186,13 +187,18 @@ static void measure_stations(const Samples *samples) {
 }
 
 /* Write the stations on the ridge before its first long gap, unless they are few: beyond the tip is tissue.
- */
+   It is less bright than metal is where the ridge begins. */
 static int unbroken(const Samples *samples, const RidgeSearch *search, int32_t *on_ridge) {
+    const int first = search->run / samples->every;
+    double sum = 0, least = search->strip_grey;
     int count = 0, end = 0;
     for (int station = 0; station < samples->stations; station++) {
-        if (samples->core[station] - samples->brighter[station] <= search->strip_grey) continue;
+        const double contrast = samples->core[station] - samples->brighter[station];
+        if (contrast <= least) continue;
         if (!end && count && (station - on_ridge[count - 1]) * samples->every > search->gap) end = count;
         on_ridge[count++] = station;
+        if (count <= first) sum += contrast;
+        if (count == first) least = maximum(least, METAL_SHARE * sum / count);
     }
     return end && end * samples->every >= search->run ? end : count;
 }
