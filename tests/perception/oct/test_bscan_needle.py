@@ -156,10 +156,10 @@ def test_a_line_runs_along_a_short_shaft_not_across_it():
     assert line_distance_px(observation, image, scan.truth.needle.tip_px) <= 1
 
 
-@pytest.mark.parametrize("number", [21, 46])
-def test_bright_tissue_behind_a_short_shaft_does_not_turn_its_line(number):
+@pytest.mark.parametrize(("number", "seed"), [(21, 299013), (46, 299013), (39, 303013)])
+def test_bright_tissue_behind_a_short_shaft_does_not_turn_its_line(number, seed):
     """The tip is in tissue, as far behind the last metal that shows as that is long."""
-    scene = random_scene(number, 299013, tilt_deg=6.0)
+    scene = random_scene(number, seed, tilt_deg=6.0)
     perceive, image = perceiver_of(scene)
     scan = scene.take()
     observation = perceive(Capture(0, 0, scan.image))

@@ -203,6 +203,11 @@ static int unbroken(const Samples *samples, const RidgeSearch *search, int32_t *
     return end && end * samples->every >= search->run ? end : count;
 }
 
+/* Return the weight of a station in a fit: noise moves its centre in inverse proportion to its contrast. */
+static inline double weight_of(const Samples *samples, int station) {
+    return square((double)samples->core[station] - samples->brighter[station]);
+}
+
 /* Fit a line to the ridge's centre: offset at its start, slope and its standard deviation [rad].
 
    `middle` has a value per station; `fits` is how often outliers are left out. Return the last station on the
@@ -222,48 +227,51 @@ static int fit_ridge(const Samples *samples, const RidgeSearch *search, int fits
         }
         middle[number] = moment / maximum(sum, 1e-9);
     }
-    double limit = INFINITY, slope = 0, at_mean = 0, middle_mean = 0, spread = 1, miss = 0, square_miss = 0;
-    int n = count;
+    double limit = INFINITY, slope = 0, at_mean = 0, middle_mean = 0, spread = 1, square_miss = 0;
     for (int turn = 0; turn <= fits; turn++) {
-        double at_sum = 0, middle_sum = 0, product = 0;
+        double at_sum = 0, middle_sum = 0, product = 0, total = 0;
         int kept = 0;
-        miss = square_miss = 0;
+        square_miss = 0;
         for (int number = 0; number < count; number++) {
-            const double off =
-                middle[number] - middle_mean - slope * (on_ridge[number] * samples->every - at_mean);
+            const double at = on_ridge[number] * samples->every,
+                         weight = weight_of(samples, on_ridge[number]);
+            const double off = middle[number] - middle_mean - slope * (at - at_mean);
             if (turn && fabs(off) > limit) continue;
             kept++;
-            miss += fabs(off);
-            square_miss += square(off);
-            at_sum += on_ridge[number] * samples->every;
-            middle_sum += middle[number];
+            total += weight;
+            square_miss += weight * square(off);
+            at_sum += weight * at;
+            middle_sum += weight * middle[number];
         }
-        if ((n = kept) < MIN_SAMPLES) return -1;
+        if (kept < MIN_SAMPLES) return -1;
+        square_miss /= total;
         if (turn == fits) break;
         const double last_mean = at_mean, last_middle = middle_mean, last_slope = slope;
-        at_mean = at_sum / n;
-        middle_mean = middle_sum / n;
+        at_mean = at_sum / total;
+        middle_mean = middle_sum / total;
         spread = 0;
         for (int number = 0; number < count; number++) {
-            const double at = on_ridge[number] * samples->every;
+            const double at = on_ridge[number] * samples->every,
+                         weight = weight_of(samples, on_ridge[number]);
             if (turn && fabs(middle[number] - last_middle - last_slope * (at - last_mean)) > limit) continue;
-            spread += square(at - at_mean);
-            product += (at - at_mean) * (middle[number] - middle_mean);
+            spread += weight * square(at - at_mean);
+            product += weight * (at - at_mean) * (middle[number] - middle_mean);
         }
-        spread = maximum(spread, 1e-9);
-        slope = product / spread;
+        slope = product / maximum(spread, 1e-9);
+        spread = maximum(spread * kept / total, 1e-9);
         double mean_miss = 0;
         for (int number = 0; number < count; number++) {
-            const double at = on_ridge[number] * samples->every;
+            const double at = on_ridge[number] * samples->every,
+                         weight = weight_of(samples, on_ridge[number]);
             if (!turn || fabs(middle[number] - last_middle - last_slope * (at - last_mean)) <= limit)
-                mean_miss += fabs(middle[number] - middle_mean - slope * (at - at_mean)) / n;
+                mean_miss += weight * fabs(middle[number] - middle_mean - slope * (at - at_mean)) / total;
         }
         limit = maximum(search->inlier_steps, 2 * mean_miss);
     }
     fit[0] = middle_mean - slope * at_mean;
     fit[1] = slope;
     /* neighbours share pixels */
-    fit[2] = sqrt(square_miss / n * ALONG_STEPS / samples->every / spread);
+    fit[2] = sqrt(square_miss * ALONG_STEPS / samples->every / spread);
     return on_ridge[count - 1] * samples->every;
 }
 
