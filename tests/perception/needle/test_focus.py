@@ -68,7 +68,7 @@ def test_the_quantum_of_a_jpeg_is_that_of_its_table(show, quality, quantum_grey)
         assert focus.quantum_grey == pytest.approx(quantum_grey, abs=0.6)
 
 
-def test_a_picture_that_was_never_compressed_or_is_tiny_has_no_quantum(show):
+def test_a_picture_that_was_never_compressed_has_no_quantum(show):
     registration, image = show(0.8)
     for picture in (image, cv2.blur(image, (9, 9)), np.zeros_like(image)):
         focus = Focus(EyeGeometry(registration))

@@ -34,6 +34,11 @@ typedef struct {
     int width, height;
 } Picture;
 
+/* A ridge's centre at one station: steps along and across its strip, and its weight in the fit. */
+typedef struct {
+    double at, middle, weight;
+} Centre;
+
 /* Return the mean of a square of cells. */
 static inline int32_t square_sum(const int32_t *cells, int columns, int row, int column, int low, int high) {
     int32_t sum = 0;
@@ -210,10 +215,10 @@ static inline double weight_of(const Samples *samples, int station) {
 
 /* Fit a line to the ridge's centre: offset at its start, slope and its standard deviation [rad].
 
-   `middle` has a value per station; `fits` is how often outliers are left out. Return the last station on the
-   ridge, in steps; -1 if the ridge is too short. */
+   `centres` has room for each station; `fits` is how often outliers are left out. Return the last station on
+   the ridge, in steps; -1 if the ridge is too short. */
 static int fit_ridge(const Samples *samples, const RidgeSearch *search, int fits, int32_t *on_ridge,
-                     double *middle, double *fit) {
+                     Centre *centres, double *fit) {
     const int count = unbroken(samples, search, on_ridge);
     if (count < MIN_SAMPLES || count * samples->every < search->run) return -1;
     for (int number = 0; number < count; number++) {
@@ -225,47 +230,39 @@ static int fit_ridge(const Samples *samples, const RidgeSearch *search, int fits
             sum += weight;
             moment += weight * across;
         }
-        middle[number] = moment / maximum(sum, 1e-9);
+        centres[number].at = on_ridge[number] * samples->every;
+        centres[number].middle = moment / maximum(sum, 1e-9);
     }
+    const Centre *end = centres + count;
     double limit = INFINITY, slope = 0, at_mean = 0, middle_mean = 0, spread = 1, square_miss = 0;
     for (int turn = 0; turn <= fits; turn++) {
-        double at_sum = 0, middle_sum = 0, product = 0, total = 0;
+        double at_sum = 0, middle_sum = 0, product = 0, total = 0, mean_miss = 0;
         int kept = 0;
         square_miss = 0;
-        for (int number = 0; number < count; number++) {
-            const double at = on_ridge[number] * samples->every,
-                         weight = weight_of(samples, on_ridge[number]);
-            const double off = middle[number] - middle_mean - slope * (at - at_mean);
-            if (turn && fabs(off) > limit) continue;
-            kept++;
-            total += weight;
-            square_miss += weight * square(off);
-            at_sum += weight * at;
-            middle_sum += weight * middle[number];
+        for (Centre *one = centres; one < end; one++) {
+            const double off = one->middle - middle_mean - slope * (one->at - at_mean);
+            const int is_outlier = turn && fabs(off) > limit;
+            one->weight = is_outlier ? 0 : weight_of(samples, on_ridge[one - centres]);
+            kept += !is_outlier;
+            total += one->weight;
+            square_miss += one->weight * square(off);
+            at_sum += one->weight * one->at;
+            middle_sum += one->weight * one->middle;
         }
         if (kept < MIN_SAMPLES) return -1;
         square_miss /= total;
         if (turn == fits) break;
-        const double last_mean = at_mean, last_middle = middle_mean, last_slope = slope;
         at_mean = at_sum / total;
         middle_mean = middle_sum / total;
         spread = 0;
-        for (int number = 0; number < count; number++) {
-            const double at = on_ridge[number] * samples->every,
-                         weight = weight_of(samples, on_ridge[number]);
-            if (turn && fabs(middle[number] - last_middle - last_slope * (at - last_mean)) > limit) continue;
-            spread += weight * square(at - at_mean);
-            product += weight * (at - at_mean) * (middle[number] - middle_mean);
+        for (const Centre *one = centres; one < end; one++) {
+            spread += one->weight * square(one->at - at_mean);
+            product += one->weight * (one->at - at_mean) * (one->middle - middle_mean);
         }
         slope = product / maximum(spread, 1e-9);
         spread = maximum(spread * kept / total, 1e-9);
-        double mean_miss = 0;
-        for (int number = 0; number < count; number++) {
-            const double at = on_ridge[number] * samples->every,
-                         weight = weight_of(samples, on_ridge[number]);
-            if (!turn || fabs(middle[number] - last_middle - last_slope * (at - last_mean)) <= limit)
-                mean_miss += weight * fabs(middle[number] - middle_mean - slope * (at - at_mean)) / total;
-        }
+        for (const Centre *one = centres; one < end; one++)
+            mean_miss += one->weight * fabs(one->middle - middle_mean - slope * (one->at - at_mean)) / total;
         limit = maximum(search->inlier_steps, 2 * mean_miss);
     }
     fit[0] = middle_mean - slope * at_mean;
@@ -277,7 +274,7 @@ static int fit_ridge(const Samples *samples, const RidgeSearch *search, int fits
 
 /* Refine a line to the centre of its ridge, coarse first. Return whether there is a ridge. */
 static int refine(const Picture *picture, const RidgeSearch *search, int longest, RidgeLine *line,
-                  Samples *samples, float *kept, int32_t *on_ridge, double *middle) {
+                  Samples *samples, float *kept, int32_t *on_ridge, Centre *centres) {
     for (int every = 3, turns = 0; every > 0;) {
         Direction along = {line->along_px[0], line->along_px[1]};
         const int length = length_of(line->start_px, along, picture, search->step_px);
@@ -288,7 +285,7 @@ static int refine(const Picture *picture, const RidgeSearch *search, int longest
         if (every == 1) average_along(samples, ALONG_STEPS, kept);
         measure_stations(samples);
         double fit[3];
-        const int last = fit_ridge(samples, search, every == 1 ? 3 : 1, on_ridge, middle, fit);
+        const int last = fit_ridge(samples, search, every == 1 ? 3 : 1, on_ridge, centres, fit);
         if (last < 0) return 0;
         const double moved = maximum(fabs(fit[0]), fabs(fit[0] + fit[1] * last));
         const int seen = samples->stations * every;
@@ -432,10 +429,10 @@ int find_ridges(const uint8_t *image, int width, int height, const Grid *grid, c
     const double diagonal = sqrt(square(grid->columns) + square(grid->rows));
     const size_t offsets = 2 * (size_t)diagonal + 5;
     const size_t counts = offsets * MAX_DIRECTIONS;
-    char *memory = malloc(length * (8 + 4 * (2 * STRIP_LANES + 4)) + cells * 13 + counts * 2);
+    char *memory = malloc(length * (sizeof(Centre) + 4 * (2 * STRIP_LANES + 4)) + cells * 13 + counts * 2);
     if (!memory) return -1;
-    double *middle = (double *)memory;
-    Samples samples = {.lanes = (float *)(middle + length)};
+    Centre *centres = (Centre *)memory;
+    Samples samples = {.lanes = (float *)(centres + length)};
     float *kept = samples.lanes + length * STRIP_LANES;
     samples.core = kept + length * STRIP_LANES;
     samples.mean = samples.core + length;
@@ -455,7 +452,7 @@ int find_ridges(const uint8_t *image, int width, int height, const Grid *grid, c
         const int enters = next_line(&votes, &picture, search, lines + count);
         if (!enters) break;
         if (enters < 0) continue;
-        if (!refine(&picture, search, room, lines + count, &samples, kept, on_ridge, middle)) {
+        if (!refine(&picture, search, room, lines + count, &samples, kept, on_ridge, centres)) {
             failed++;
             continue;
         }
