@@ -191,8 +191,11 @@ rehearse: setup  ## two complete studies with simulated participants; updates do
 screenshots: setup  ## screenshots of every page into docs/images; needs Chromium
 	$(BIN)/python docs/screenshots.py
 
-train: setup  ## train the networks of the perceiver segmentation on simulated B-scans, and write its report
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement training/requirements.txt
+$(VENV)/training: $(VENV)/ready requirements-training.lock
+	$(call INSTALL,requirements-training.lock)
+	@touch $(VENV)/training
+
+train: $(VENV)/training  ## train the networks of the perceiver segmentation on simulated B-scans, and write its report
 	OMP_WAIT_POLICY=passive GOMP_SPINCOUNT=0 $(BIN)/python -m training.train
 
 .venv-rendering/ready: rendering/requirements.txt
@@ -284,6 +287,7 @@ lock: setup  ## resolve the dependencies again
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
 	$(BIN)/uv pip compile pyproject.toml --extra figures --group build --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-base.lock
 	$(BIN)/uv pip compile pyproject.toml --group docs --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-docs.lock
+	$(BIN)/uv pip compile pyproject.toml --group training --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-training.lock
 
 clean:  ## remove all that make has made, environments included
 	rm -f $(NATIVE)/native.library

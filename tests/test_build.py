@@ -225,6 +225,14 @@ def test_the_base_has_the_versions_of_the_whole():
     assert len(base) < len(whole) / 3
 
 
+def test_networks_are_trained_with_the_versions_that_run_them():
+    training, whole = pinned("requirements-training.lock"), pinned("requirements.lock")
+    shared = set(training) & set(whole) - {"setuptools"}
+    assert {"numpy", "onnx", "onnxruntime", "opencv-python-headless"} <= shared
+    assert {name: training[name] for name in shared} == {name: whole[name] for name in shared}
+    assert len(training["torch"]) == 1  # the same network needs the same version
+
+
 def test_the_base_has_what_the_package_its_build_and_the_figure_of_the_demo_need():
     text = (ROOT / "pyproject.toml").read_text()
     (needed,) = re.findall(r"^dependencies = \[\n(.*?)^\]", text, re.MULTILINE | re.DOTALL)
@@ -239,6 +247,7 @@ def test_the_base_has_what_the_package_its_build_and_the_figure_of_the_demo_need
         ("demo", ["requirements-base.lock"]),
         ("setup", ["requirements-base.lock", "requirements.lock"]),
         ("test", ["requirements-base.lock", "requirements.lock"]),
+        ("train", ["requirements-base.lock", "requirements.lock", "requirements-training.lock"]),
     ],
 )
 def test_a_fresh_checkout_installs_what_the_target_needs(target, files, tmp_path):
