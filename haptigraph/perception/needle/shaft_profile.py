@@ -29,7 +29,7 @@ END_MM, BEFORE_END_MM = 0.8, 2.0  # the apparent end of a shaft, and what it is 
 MAX_WIDENING = 0.3  # of the shaft's contrast
 BLUNT = (-6, -3), (-3, -1)  # stations before the tip, where an end may be as wide as its shaft:
 MIN_BLUNT, MAX_BLUNT = 0.8, 1.2  # so many times; a bevel that is seen from the front is wider
-RESOLVED, FOCUSED_PX = 3.5, 0.8  # least width of its shaft, in sds of the blur; the blur of a sharp picture
+RESOLVED, FOCUSED_MM = 3.5, 0.038  # least width of its shaft, in sds of the blur; the blur of a sharp picture
 
 
 class ShaftProfile:
@@ -103,7 +103,7 @@ class ShaftProfile:
             tip_px: The apparent tip, inside the globe.
             blur_px: Standard deviation of the blur: a thin shaft is as wide as that makes it, to its end.
         """
-        least_px = RESOLVED * max(blur_px, FOCUSED_PX)
+        least_px = RESOLVED * max(blur_px, FOCUSED_MM * self._px_per_mm)
         widths_px = (self._share(tip_px, self._close(tip_px, *part))[3:] for part in BLUNT)
         for shaft_px, end_px in widths_px:
             if shaft_px < least_px or not MIN_BLUNT * shaft_px <= end_px <= MAX_BLUNT * shaft_px:

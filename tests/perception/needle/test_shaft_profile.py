@@ -235,6 +235,12 @@ def test_a_shaft_as_wide_as_its_blur_may_have_any_end():
     assert profile.blunt_px(END_PX, 0.8) > 0 == profile.blunt_px(END_PX, 3.0)
 
 
+def test_a_sharp_picture_is_sharper_in_pixels_where_they_are_larger():
+    drawn, fit = seen(needle(1.0, grey=60.0))
+    fine, coarse = (ShaftProfile(drawn, fit, px_per_mm) for px_per_mm in (PX_PER_MM, PX_PER_MM / 2))
+    assert coarse.blunt_px(END_PX, 0.4) > 0 == fine.blunt_px(END_PX, 0.4)
+
+
 def test_so_near_to_the_wall_that_no_shaft_shows_no_end_is_blunt():
     drawn, fit = seen(needle(5.0, grey=60.0))
     first = float(drawn.u_px[drawn.inside.start])
