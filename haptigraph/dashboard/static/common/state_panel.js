@@ -121,7 +121,7 @@ export function feltText(pattern, forces) {
 /** @param {Pattern} [pattern] */
 function patternText(pattern) {
   if (!pattern || pattern.kind === "off") return "nothing";
-  const what = { continuous: "steady vibration", pulses: "rapid pulses", bursts: `${pattern.count} bursts` }[pattern.kind];
+  const what = { continuous: "steady vibration", pulses: "rapid pulses", bursts: pattern.count === 1 ? "one burst" : `${pattern.count} bursts` }[pattern.kind];
   return `${what}, ${Math.round(pattern.amplitude * 100)} %`;
 }
 
