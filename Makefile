@@ -282,12 +282,14 @@ test-exports: setup  ## exports read by the libraries of LeRobot (CPython 3.11, 
 	$(BIN)/python -m pytest -m slow -rs tests/exports && $(BIN)/python -m pytest tests/analysis/exporting || exit 1; \
 	echo "== without Python, so not tested:$${missing:- none}"
 
+COMPILE = $(BIN)/uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-header
+
 lock: setup  ## resolve the dependencies again
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.11,<1'
-	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
-	$(BIN)/uv pip compile pyproject.toml --extra figures --group build --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-base.lock
-	$(BIN)/uv pip compile pyproject.toml --group docs --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-docs.lock
-	$(BIN)/uv pip compile pyproject.toml --group training --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-training.lock
+	$(COMPILE) --all-extras --group dev --output-file requirements.lock
+	$(COMPILE) --extra figures --group build --constraint requirements.lock --output-file requirements-base.lock
+	$(COMPILE) --group docs --constraint requirements.lock --output-file requirements-docs.lock
+	$(COMPILE) --extra onnx --group training --constraint requirements.lock --output-file requirements-training.lock
 
 clean:  ## remove all that make has made, environments included
 	rm -f $(NATIVE)/native.library
