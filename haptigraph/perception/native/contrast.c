@@ -9,6 +9,7 @@
 #define MAX_REACH 3
 #define BEHIND 12      /* stations whose colour those beyond must have, */
 #define MIN_COLOR 0.15 /* at least so much of it */
+#define MAX_OWN 2.0    /* of its own colour that a shaft shows: more is a vessel that has moved */
 #define RUN 64         /* stations at a time: their sums stay on the stack */
 
 /* Return the mean of some stations about one, of those that there are. */
@@ -82,6 +83,47 @@ EXPORT double colored_share(const Strip *strip, int start, int stop, double grey
     int colored = 0;
     for (int n = start - first; n < stop - first; n++) colored += contrast_grey[n] >= level;
     return usual_grey >= maximum(noise_grey, grey) ? (double)colored / (stop - start) : 0;
+}
+
+/* Return how much bluer than red the middle lanes are, with its sign. */
+static double bluer_at(const Strip *strip, int station, int reach) {
+    const Rows rows = strip->chroma;
+    double sum = 0;
+    for (int k = -(CORE / 2); k <= CORE / 2; k++) {
+        const int lane = rows.lanes / 2 + k;
+        if (lane < 0 || lane >= rows.lanes) continue;
+        sum += mean_about(rows.first + lane * rows.stride, rows.stations, station, reach);
+    }
+    return sum / CORE;
+}
+
+double own_color(const Strip *strip, int start, int stop, float *shown_grey, double *noise_grey) {
+    const int first = start - BEHIND;
+    if (first < strip->inside_start || !strip->chroma.lanes) return 0;
+    const int reach = clamped(strip->noise_grey / NOISE_PER_REACH, 0, MAX_REACH);
+    *noise_grey = noise_threshold_grey(strip->noise_grey, CORE * (2 * reach + 1));
+    double behind[BEHIND];
+    for (int n = first; n < start; n++) behind[n - first] = bluer_at(strip, n, reach);
+    const double own = median(behind, BEHIND), sign = own < 0 ? -1 : 1;
+    if (fabs(own) < *noise_grey) return 0;
+    for (int n = start; n < stop; n++) {
+        const double bluer = sign * bluer_at(strip, n, reach);
+        shown_grey[n - start] = bluer <= MAX_OWN * fabs(own) ? (float)maximum(bluer, 0) : 0;
+    }
+    return fabs(own);
+}
+
+/* Return the share of some stations whose middle lanes show at least half of the shaft's own colour; 0 if
+   that is less than `grey`. */
+EXPORT double own_color_share(const Strip *strip, int start, int stop, double grey) {
+    if (stop <= start) return 0;
+    float shown_grey[stop - start];
+    double noise_grey;
+    const double own_grey = own_color(strip, start, stop, shown_grey, &noise_grey);
+    if (own_grey < grey || !own_grey) return 0;
+    int colored = 0;
+    for (int n = 0; n < stop - start; n++) colored += shown_grey[n] >= maximum(noise_grey, own_grey / 2);
+    return (double)colored / (stop - start);
 }
 
 /* Return the lane of the contrast's centroid, from one lane to another, in the mean of some stations; NaN

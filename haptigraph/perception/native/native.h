@@ -172,6 +172,11 @@ void contrast_along(const Strip *strip, int lane, const float *weights, int coun
 /* The same for the middle lanes of a strip. Return the contrast that noise does not reach. */
 EXPORT double core_contrast(const Strip *strip, int start, int stop, float *contrast_grey);
 
+/* Write how much of a shaft's own colour, that right before `start`, the stations from there to before `stop`
+   show [grey levels], 0 where they show another. No shadow has it.
+   Return that colour, 0 if it is not clear; noise_grey receives what noise does not reach. */
+double own_color(const Strip *strip, int start, int stop, float *shown_grey, double *noise_grey);
+
 /* Return what noise does not reach in a mean of so many values [grey levels]. */
 double noise_threshold_grey(double noise_grey, int count);
 

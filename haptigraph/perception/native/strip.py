@@ -60,6 +60,7 @@ _TIP_PATCH = LIBRARY.layout(
 _core_contrast = LIBRARY.function("core_contrast", "piip", ctypes.c_double)
 _contrast_centroid = LIBRARY.function("contrast_centroid", "piiii", ctypes.c_double)
 _colored_share = LIBRARY.function("colored_share", "piid", ctypes.c_double)
+_own_color_share = LIBRARY.function("own_color_share", "piid", ctypes.c_double)
 _estimate_coarse_tip = LIBRARY.function("estimate_coarse_tip", "pdddp", ctypes.c_int)
 _fit_line = LIBRARY.function("fit_line", "pddppppp", ctypes.c_int)
 _refine_tip = LIBRARY.function("refine_tip", "pppip", ctypes.c_int)
@@ -143,17 +144,17 @@ def core_contrast(strip: RectifiedStrip, part: slice) -> tuple[FloatImage, float
     return contrast, _core_contrast(native.packed, start, stop, address(contrast))
 
 
-def colored_share(strip: RectifiedStrip, part: slice, min_grey: float) -> float:
+def colored_share(strip: RectifiedStrip, part: slice, min_grey: float, *, own: bool = False) -> float:
     """Return the share of some stations whose middle has a colour that no shadow explains.
 
     Args:
         strip: The strip.
         part: Of its stations.
         min_grey: The colour right before them must be at least as clear, else 0 is returned.
+        own: Whether it must be the same colour, half as clear at least.
     """
-    native = _native(strip)
-    start, stop = _span(part, native.stations)
-    return float(_colored_share(native.packed, start, stop, float(min_grey))) if stop > start else 0.0
+    native, share_of = _native(strip), _own_color_share if own else _colored_share
+    return float(share_of(native.packed, *_span(part, native.stations), float(min_grey)))
 
 
 def contrast_centroid(strip: RectifiedStrip, first: int, last: int, part: slice) -> float:
@@ -304,9 +305,8 @@ def refine_tip(
     )
     if not 0 <= start <= stop <= native.stations:
         raise ValueError(f"patch: expected a part of {native.stations} stations, found {start} to {stop}")
-    if not _refine_tip(native.packed, patch, _ints(behind_px), len(behind_px), tip):
-        return None
-    return tip[0], tip[1], tip[2]
+    is_found = _refine_tip(native.packed, patch, _ints(behind_px), len(behind_px), tip)
+    return (tip[0], tip[1], tip[2]) if is_found else None
 
 
 @lru_cache(maxsize=8)

@@ -1,7 +1,8 @@
 """The coarse tip: how far there is contrast along the shaft.
 
 Turns a rectified strip into the tip's approximate position along it, by the contrast of its middle lanes
-(`native/coarse_tip.c`). The wall occludes a tip that is in it, and so does a cannula.
+(`native/coarse_tip.c`), and on, where that is lost, by the shaft's own colour. The wall occludes a tip that
+is in it, and so does a cannula.
 """
 
 import math

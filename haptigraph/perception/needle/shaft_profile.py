@@ -23,7 +23,7 @@ MIN_SHARE, MIN_SNR = 0.1, 3.0  # of the profile; less is none
 MIN_LEFT, MIN_LEFT_SOFT = 0.5, 0.25  # of what is before a tip: less beyond it is a drop, or a soft shadow
 MAX_POINT_MM, MAX_EVEN = 2.0, 0.5  # length of a soft point, and share of its profile at its end
 MAX_FAINT_MM = 0.4  # a longer rest is a shadow
-REST_MM, MIN_GAP = 0.5, 3  # of a shaft that is seen again beyond a gap; the gap, stations
+SEEN_MM, BLURRED = 0.5, 3  # of a shaft that is seen beyond a tip; stations that the tip's blur may fill
 BESIDE_MM = 0.15, 0.57  # from the shaft's middle, where a bubble is bright
 END_MM, BEFORE_END_MM = 0.8, 2.0  # the apparent end of a shaft, and what it is compared to
 MAX_WIDENING = 0.3  # of the shaft's contrast
@@ -55,8 +55,8 @@ class ShaftProfile:
         before = self._share(tip_px, self._close(tip_px, *BEFORE))[0]
         return share > max(MIN_SHARE, MIN_SNR * sd, (MIN_LEFT_SOFT if softly else MIN_LEFT) * before)
 
-    def resumes(self, tip_px: float, until_px: float) -> bool:
-        """Return whether the profile is seen again, beyond a gap after an apparent tip.
+    def is_seen(self, tip_px: float, until_px: float) -> bool:
+        """Return whether the profile is seen anywhere beyond an apparent tip and its blur.
 
         A bubble behind a bright shaft, as bright as it, hides a part of it. A dark rest may be a shadow.
 
@@ -64,12 +64,10 @@ class ShaftProfile:
             tip_px: The apparent tip, inside the globe.
             until_px: How far along the strip there is contrast.
         """
-        beyond, rest = self._between(tip_px, until_px), round(REST_MM * self._px_per_mm / STATION_PX)
-        share, sd, *_ = self._share(tip_px, slice(beyond.stop - rest, beyond.stop))
-        if beyond.stop - rest - beyond.start < MIN_GAP or not share > max(MIN_LEFT_SOFT, MIN_SNR * sd):
-            return False
-        starts = range(beyond.start, beyond.stop - rest - MIN_GAP + 1)
-        return any(self._share(tip_px, slice(at, at + MIN_GAP))[0] < MIN_SHARE for at in starts)
+        beyond, seen = self._between(tip_px, until_px), round(SEEN_MM * self._px_per_mm / STATION_PX)
+        starts = range(beyond.start + BLURRED, beyond.stop - seen + 1)
+        shares = (self._share(tip_px, slice(start, start + seen)) for start in starts)
+        return any(share > max(MIN_LEFT_SOFT, MIN_SNR * sd) for share, sd, *_ in shares)
 
     def rims_continue(self, tip_px: float, until_px: float) -> bool:
         """Return whether a highlight ends at an apparent tip, and the dark rims about it go on.
@@ -79,7 +77,7 @@ class ShaftProfile:
             until_px: How far along the strip there is contrast.
         """
         beyond = self._between(tip_px, until_px)
-        if beyond.stop - beyond.start <= MIN_GAP:
+        if beyond.stop - beyond.start <= BLURRED:
             return False
         return self._share(tip_px, beyond, SHAFTS_MM[1:])[2] > MIN_LEFT_SOFT
 

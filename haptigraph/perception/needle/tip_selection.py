@@ -39,6 +39,8 @@ CLEAR_PX = 8.0  # the same at a clear end
 SHARP_END_PX = 2.5  # between the end of what is sharp and the contrast step there, if there is one
 CENTERED_PX = 2.0  # a tip further beyond the middle of its patch is refined again
 COLORED_PX, COLORED_SHARE = 1.0, 0.5  # of a shaft that continues beyond a contrast step, in colour
+FAINT = 0.3  # of a step's contrast: least colour of its shaft that is followed
+DOUBTED_SHARE = 0.3  # of a shaft that may continue
 COLORED_SD_PX = 3.0
 DIM_BEHIND_PX = 6  # of a dim point, over which its contrast is measured
 
@@ -153,7 +155,7 @@ class TipSelector:
         strip, profile = detection.candidate.strip, self._profile(detection)
         goes_on = (
             profile.continues(step.u_px)
-            or (is_bright(strip, step.u_px, tip.u_px) and profile.resumes(step.u_px, tip.u_px))
+            or (is_bright(strip, step.u_px, tip.u_px) and profile.is_seen(step.u_px, tip.u_px))
             or profile.rims_continue(step.u_px, tip.u_px)
         )
         if not goes_on:
@@ -256,7 +258,9 @@ class TipSelector:
             *(strip, tip, until_px, edges_end_px, fit.blur_px, scale, rest_px, blunt_px),
             quantum_grey=self._focus.quantum_grey,
         )
-        return replace(tip, is_known=False) if tip.is_known and profile.widens(tip.u_px) else tip
+        may_go_on = until_px - tip.u_px > NEAR_PX and _own_color_share(strip, tip, until_px) >= DOUBTED_SHARE
+        is_doubted = tip.is_known and (may_go_on or profile.widens(tip.u_px))
+        return replace(tip, is_known=False) if is_doubted else tip
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:
         """Return the end of a shaft that its shadow continues, None if none does.
@@ -302,8 +306,20 @@ def _doubted(step: TipEstimate, inside_px: float, expected_px: float) -> TipEsti
 
 
 def _continues_colored(strip: RectifiedStrip, step: TipEstimate, to_px: float) -> bool:
-    """Return whether a shaft continues beyond a contrast step in a colour that is clearer than the step."""
+    """Return whether a shaft continues beyond a contrast step in its colour.
+
+    Where it becomes as bright as its ground, or from brighter to darker, its colour is what is left of it.
+    """
     if to_px - step.u_px <= COLORED_PX:
         return False
-    start, stop = (int(strip.u_px.searchsorted(px)) for px in (step.u_px, to_px))
-    return colored_share(strip, slice(start, stop), step.contrast_grey) >= COLORED_SHARE
+    share = colored_share(strip, _between(strip, step.u_px, to_px), step.contrast_grey)
+    return max(share, _own_color_share(strip, step, to_px)) >= COLORED_SHARE
+
+
+def _own_color_share(strip: RectifiedStrip, tip: TipEstimate, until_px: float) -> float:
+    return colored_share(strip, _between(strip, tip.u_px, until_px), FAINT * tip.contrast_grey, own=True)
+
+
+def _between(strip: RectifiedStrip, from_px: float, until_px: float) -> slice:
+    start, stop = (int(strip.u_px.searchsorted(px)) for px in (from_px, until_px))
+    return slice(start, stop)

@@ -8,6 +8,7 @@ import math
 import subprocess
 import sys
 from contextlib import suppress
+from functools import partial
 
 import cv2
 import numpy as np
@@ -227,6 +228,10 @@ WRAPPERS = {
     "sharpness_threshold": (sharpness.sharpness_threshold, lambda: [2.0, 4]),
     "core_contrast": (strip.core_contrast, lambda: [make_strip(), slice(5, 40)]),
     "colored_share": (strip.colored_share, lambda: [make_strip(chroma=excess()), slice(25, 40), 1.0]),
+    "own_color_share": (
+        partial(strip.colored_share, own=True),
+        lambda: [make_strip(chroma=excess()), slice(25, 40), 1.0],
+    ),
     "contrast_centroid": (strip.contrast_centroid, lambda: [make_strip(), 3, 30, slice(5, 40)]),
     "estimate_coarse_tip": (strip.estimate_coarse_tip, lambda: [make_strip(), 0.0, -math.inf, 5.0]),
     "profile_share": (
@@ -323,6 +328,7 @@ def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
         lambda: strip.core_contrast(shown, part),
         lambda: strip.contrast_centroid(shown, -3, station, part),
         lambda: strip.colored_share(shown, part, number),
+        lambda: strip.colored_share(shown, part, number, own=True),
         lambda: strip.estimate_coarse_tip(shown, number, number, abs(number)),
         lambda: strip.fit_line(shown, number, abs(number), (number, 0.1, station, number, math.nan)),
         lambda: strip.fit_line(shown, math.inf, 16.0, APPEARANCE),

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
-from drawn_strip import LANES, strip
+from drawn_strip import END_PX, LANES, NOISE_GREY, U_PX, needle, strip
 from msgspec.structs import replace
 
+from haptigraph.perception.native.strip import colored_share
 from haptigraph.perception.needle.coarse_tip import Cannulas, estimate_coarse_tip
 from haptigraph.perception.needle.rectify import STATION_PX
 
@@ -29,6 +30,27 @@ def test_a_needle_beyond_a_cannula_that_was_always_there_is_inside(length_px, wh
     tip = estimate_coarse_tip(shown, px_per_mm=20.0, usual_grey=None)
     assert tip is not None
     assert tip.where == where
+
+
+def colored(beyond: float):
+    """A shaft with a colour of 10 up to 100 px, and another beyond, where its contrast is lost."""
+    noise = np.random.default_rng(8).normal(0, NOISE_GREY, (len(LANES), len(U_PX)))
+    rest = needle(4, END_PX, beyond) * (U_PX > 100)
+    return replace(strip(needle(4, 100.0)), chroma=(needle(4, 100.0, 10.0) + rest + noise).astype(np.float32))
+
+
+@pytest.mark.parametrize(("beyond", "until_px"), [(4.5, END_PX), (-4.5, 100.0), (0.0, 100.0)])
+def test_a_shaft_whose_contrast_is_lost_is_followed_by_its_own_colour(beyond, until_px):
+    tip = estimate_coarse_tip(colored(beyond), px_per_mm=20.0, usual_grey=None)
+    assert tip is not None
+    assert tip.u_px == pytest.approx(until_px, abs=3 * STATION_PX)
+
+
+@pytest.mark.parametrize(("beyond", "share"), [(10.0, 1.0), (-10.0, 0.0), (0.0, 0.0), (30.0, 0.0)])
+def test_what_has_the_opposite_colour_or_far_more_of_it_is_not_the_shafts(beyond, share):
+    part = slice(*(int(U_PX.searchsorted(px)) for px in (102, END_PX - 2)))
+    assert colored_share(colored(beyond), part, 5.0, own=True) == pytest.approx(share, abs=0.1)
+    assert colored_share(colored(beyond), part, 20.0, own=True) == 0
 
 
 @pytest.mark.parametrize(

@@ -198,19 +198,22 @@ def test_a_widening_is_a_share_of_the_shafts_contrast():
     assert widening(strip(needle(3.0, U_PX.max(), 50.0)), 0.0, 0.0, (5, 10), part, 10) < 0.05
 
 
-@pytest.mark.parametrize("gap_px", [6.0, 16.0])
-def test_a_shaft_resumes_beyond_a_gap(gap_px):
+@pytest.mark.parametrize("gap_px", [0.0, 6.0, 16.0])
+@pytest.mark.parametrize("fades_px", [0.0, 30.0])
+def test_a_shaft_is_seen_beyond_a_gap_also_if_it_fades_then(gap_px, fades_px):
+    end_px = END_PX + gap_px + 20
     is_hidden = (U_PX > END_PX) & (END_PX + gap_px >= U_PX)
-    drawn = strip(needle(3.0, END_PX + gap_px + 20, 60.0) * ~is_hidden)
+    left = np.clip((end_px + fades_px - U_PX) / 30, 0, 1) if fades_px else 1.0
+    drawn = strip(needle(3.0, end_px + fades_px, 60.0) * ~is_hidden * left)
     profile = ShaftProfile(drawn, seen(needle(3.0, grey=60.0))[1], PX_PER_MM)
-    assert profile.resumes(END_PX, END_PX + gap_px + 20)
-    assert not profile.resumes(END_PX, END_PX + gap_px)
+    assert profile.is_seen(END_PX, end_px + fades_px)
+    assert not profile.is_seen(END_PX, END_PX + gap_px)
 
 
-def test_what_has_no_gap_or_nothing_beyond_it_does_not_resume():
-    drawn, fit = seen(needle(3.0, grey=60.0))
-    assert not ShaftProfile(drawn, fit, PX_PER_MM).resumes(END_PX - 40, END_PX)
-    assert not ShaftProfile(drawn, fit, PX_PER_MM).resumes(END_PX, END_PX + 40)
+@pytest.mark.parametrize("blur_px", [0.5, 2.5])
+def test_nothing_is_not_seen_beyond_an_end_nor_is_its_blur(blur_px):
+    drawn, fit = seen(blurred(needle(3.0, grey=60.0), blur_px, STATION_PX))
+    assert not ShaftProfile(drawn, fit, PX_PER_MM).is_seen(END_PX, END_PX + 40)
 
 
 @pytest.mark.parametrize("half_width_px", [3.0, 5.0, 7.0])

@@ -3,6 +3,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from haptigraph.perception.needle.background import MAX_CHROMA, Background
 from haptigraph.perception.needle.bevel import Bevel
@@ -16,14 +17,20 @@ from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 
 GROUND, METAL, END_PX = 150.0, 80.0, 100.0
+BGR = np.array([0.114, 0.587, 0.299])  # their shares of the grey
 FADES_PX, FAINTEST = 25.0, 0.15  # length of a point's last part; share of its contrast left at the end
+
+
+def places(eye: EyeGeometry, line: Line) -> tuple[np.ndarray, np.ndarray]:
+    """How far each pixel is along a line, and across it."""
+    y, x = np.mgrid[: eye.height_px, : eye.width_px]
+    (x0, y0), (dx, dy) = line.at_px(eye.trocar_px, 0.0), line.direction
+    return (x - x0) * dx + (y - y0) * dy, (y - y0) * dx - (x - x0) * dy
 
 
 def fading_needle(eye: EyeGeometry, line: Line, fades_px: float = FADES_PX) -> np.ndarray:
     """A dark needle of 5 px that fades towards its end, on a plain background, in focus."""
-    y, x = np.mgrid[: eye.height_px, : eye.width_px]
-    (x0, y0), (dx, dy) = line.at_px(eye.trocar_px, 0.0), line.direction
-    along, across = (x - x0) * dx + (y - y0) * dy, (y - y0) * dx - (x - x0) * dy
+    along, across = places(eye, line)
     left = np.clip((END_PX - along) / fades_px, 0, 1) * (1 - FAINTEST) + FAINTEST
     covered = np.clip(3.0 - abs(across), 0, 1) * np.clip(END_PX + 0.5 - along, 0, 1)
     image = cv2.GaussianBlur(GROUND - METAL * left * covered, (0, 0), 0.7)
@@ -75,9 +82,7 @@ def test_a_step_where_the_tip_was_is_its_end_unless_something_bright_goes_on(
 ):
     eye = EyeGeometry(registration)
     line = Line(eye.inwards_rad + 0.1, 0.0)
-    y, x = np.mgrid[: eye.height_px, : eye.width_px]
-    (x0, y0), (dx, dy) = line.at_px(eye.trocar_px, 0.0), line.direction
-    along, across = (x - x0) * dx + (y - y0) * dy, (y - y0) * dx - (x - x0) * dy
+    along, across = places(eye, line)
     image = np.full(along.shape, GROUND)
     for grey, half_px, end_px in ((second, second_half_px, END_PX), (first, 4.5, END_PX - 40)):
         covered = np.clip(half_px + 0.5 - abs(across), 0, 1) * np.clip(end_px + 0.5 - along, 0, 1)
@@ -100,28 +105,56 @@ def test_a_bead_beyond_the_tip_is_no_part_of_the_needle(registration, side):
     assert end.u_px == pytest.approx(END_PX, abs=1.0)
 
 
+def before_bowl(eye: EyeGeometry, line: Line, ground, grey_left, shadow_px=(0.0, 0.0)) -> np.ndarray:
+    """A grey needle on a coloured bowl; `grey_left` is how much brighter it is than the ground, along it.
+
+    In a part of it there is only a shadow.
+    """
+    along, across = places(eye, line)
+    share = min(max(2.5 * (0.9 - ground[0] / float(ground @ BGR)), 0.0), MAX_CHROMA)
+    same = float(ground @ BGR) + share * (ground[0] - ground[2])  # in the tracker's grey
+    covered = np.clip(3.0 - abs(across), 0, 1) * np.clip(END_PX + 0.5 - along, 0, 1)
+    is_shadow = ((along >= shadow_px[0]) & (along < shadow_px[1]))[..., None]
+    needle = np.where(is_shadow, 0.9 * ground, (same + grey_left(along))[..., None])
+    image = ground + covered[..., None] * (needle - ground)
+    image = cv2.GaussianBlur(image, (0, 0), 0.7)
+    return np.clip(image + np.random.default_rng(1).normal(0, 1.0, image.shape), 0, 255).astype(np.uint8)
+
+
 def test_a_needle_that_becomes_as_bright_as_a_brown_bowl_is_followed_by_its_colour(registration):
     eye = EyeGeometry(registration)
-    line = Line(eye.inwards_rad, 0.0)
-    brown, bright, fades_px = np.array([60.0, 100.0, 150.0]), 190.0, 60.0
-    y, x = np.mgrid[: eye.height_px, : eye.width_px]
-    (x0, y0), (dx, dy) = line.at_px(eye.trocar_px, 0.0), line.direction
-    along, across = (x - x0) * dx + (y - y0) * dy, (y - y0) * dx - (x - x0) * dy
-    same = float(brown @ (0.114, 0.587, 0.299)) + MAX_CHROMA * (brown[0] - brown[2])  # in the tracker's grey
-    grey = same + (bright - same) * np.clip((END_PX - 20 - along) / fades_px, 0, 1)
-    covered = np.clip(3.0 - abs(across), 0, 1) * np.clip(END_PX + 0.5 - along, 0, 1)
-    image = cv2.GaussianBlur(brown + covered[..., None] * (grey[..., None] - brown), (0, 0), 0.7)
-    image = np.clip(image + np.random.default_rng(1).normal(0, 1.0, image.shape), 0, 255).astype(np.uint8)
+    line, brown = Line(eye.inwards_rad, 0.0), np.array([60.0, 100.0, 150.0])
+    image = before_bowl(eye, line, brown, lambda along: 90 * np.clip((END_PX - 20 - along) / 60, 0, 1))
     _, tip = tips_of(eye, line, image, math.inf, brown)
     assert tip.where == "inside"
     assert tip.u_px == pytest.approx(END_PX, abs=2.0)
 
 
+def test_a_bright_needle_that_becomes_darker_than_a_pale_bowl_is_followed_by_its_fainter_colour(registration):
+    eye = EyeGeometry(registration)
+    line, pale = Line(eye.inwards_rad, 0.0), np.array([125.0, 136.0, 143.0])
+    image = before_bowl(eye, line, pale, lambda along: np.clip(4 * (END_PX - 40 - along), -8, 40))
+    _, tip = tips_of(eye, line, image, math.inf, pale)
+    assert tip.where == "inside"
+    assert tip.u_px == pytest.approx(END_PX, abs=2.0)
+
+
+def test_a_tip_beyond_which_a_part_of_the_shaft_shows_its_own_colour_is_not_known(registration):
+    eye = EyeGeometry(registration)
+    line, pale = Line(eye.inwards_rad, 0.0), np.array([125.0, 136.0, 143.0])
+    for seen_px, is_known in ((0.0, True), (20.0, False)):
+        image = before_bowl(
+            *(eye, line, pale, lambda along: np.where(along < END_PX - 45, 40.0, 0.0)),
+            shadow_px=(END_PX - 45, END_PX - seen_px + 1),
+        )
+        selector, detection = detected(eye, line, image, pale)
+        tip = replace(detection.tip, u_px=END_PX - 45, sd_px=0.1, contrast_grey=39.0)
+        assert selector.with_certainty(replace(detection, tip=tip)).is_known is is_known
+
+
 def shown_on_ground(eye: EyeGeometry, line: Line, contrast) -> np.ndarray:
     """An image of a needle, its contrast at positions (along, across) a share of METAL."""
-    y, x = np.mgrid[: eye.height_px, : eye.width_px]
-    (x0, y0), (dx, dy) = line.at_px(eye.trocar_px, 0.0), line.direction
-    along, across = (x - x0) * dx + (y - y0) * dy, (y - y0) * dx - (x - x0) * dy
+    along, across = places(eye, line)
     image = GROUND - METAL * contrast(along, across)
     image += np.random.default_rng(1).normal(0, 1.0, image.shape)
     return np.clip(image, 0, 255).astype(np.uint8)
