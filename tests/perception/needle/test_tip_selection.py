@@ -121,20 +121,18 @@ def before_bowl(eye: EyeGeometry, line: Line, ground, grey_left, shadow_px=(0.0,
     return np.clip(image + np.random.default_rng(1).normal(0, 1.0, image.shape), 0, 255).astype(np.uint8)
 
 
-def test_a_needle_that_becomes_as_bright_as_a_brown_bowl_is_followed_by_its_colour(registration):
+@pytest.mark.parametrize(
+    ("ground", "grey_left"),
+    [
+        ([60.0, 100.0, 150.0], lambda along: 90 * np.clip((END_PX - 20 - along) / 60, 0, 1)),
+        ([125.0, 136.0, 143.0], lambda along: np.clip(4 * (END_PX - 40 - along), -8, 40)),
+    ],
+    ids=["as bright as a brown bowl", "darker than a pale bowl, in a fainter colour"],
+)
+def test_a_needle_whose_contrast_is_lost_is_followed_by_its_colour(registration, ground, grey_left):
     eye = EyeGeometry(registration)
-    line, brown = Line(eye.inwards_rad, 0.0), np.array([60.0, 100.0, 150.0])
-    image = before_bowl(eye, line, brown, lambda along: 90 * np.clip((END_PX - 20 - along) / 60, 0, 1))
-    _, tip = tips_of(eye, line, image, math.inf, brown)
-    assert tip.where == "inside"
-    assert tip.u_px == pytest.approx(END_PX, abs=2.0)
-
-
-def test_a_bright_needle_that_becomes_darker_than_a_pale_bowl_is_followed_by_its_fainter_colour(registration):
-    eye = EyeGeometry(registration)
-    line, pale = Line(eye.inwards_rad, 0.0), np.array([125.0, 136.0, 143.0])
-    image = before_bowl(eye, line, pale, lambda along: np.clip(4 * (END_PX - 40 - along), -8, 40))
-    _, tip = tips_of(eye, line, image, math.inf, pale)
+    line, bowl = Line(eye.inwards_rad, 0.0), np.array(ground)
+    _, tip = tips_of(eye, line, before_bowl(eye, line, bowl, grey_left), math.inf, bowl)
     assert tip.where == "inside"
     assert tip.u_px == pytest.approx(END_PX, abs=2.0)
 
