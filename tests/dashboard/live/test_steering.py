@@ -259,7 +259,7 @@ def bring_to_the_edge(page):
 def test_the_keyboard_peels_a_membrane(forceps):
     page = forceps
     press_until(page, ["o"], "measures.opening_mm > 1.2")
-    press_until(page, ["ArrowDown"], "document.body.dataset.state === 'open_approach'")
+    press_until(page, ["ArrowDown"], f"document.body.dataset.state === 'open_approach' || {BEYOND_EDGE}")
     bring_to_the_edge(page)
     wait_in_state(page, "edge_between_jaws")
     index = evaluate(page, "page.header.index")
