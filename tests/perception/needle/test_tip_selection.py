@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from haptigraph.perception.needle.background import MAX_CHROMA, Background
+from haptigraph.perception.needle.background import CHROMA_RATE, MAX_CHROMA, MIN_BLUE, Background
 from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import TipEstimate, estimate_coarse_tip
 from haptigraph.perception.needle.focus import Focus
@@ -111,8 +111,9 @@ def before_bowl(eye: EyeGeometry, line: Line, ground, grey_left, shadow_px=(0.0,
     In a part of it there is only a shadow.
     """
     along, across = places(eye, line)
-    share = min(max(2.5 * (0.9 - ground[0] / float(ground @ BGR)), 0.0), MAX_CHROMA)
-    same = float(ground @ BGR) + share * (ground[0] - ground[2])  # in the tracker's grey
+    bright = float(ground @ BGR)
+    share = min(max(CHROMA_RATE * (MIN_BLUE - ground[0] / bright), 0.0), MAX_CHROMA)
+    same = bright + share * (ground[0] - ground[2])  # in the tracker's grey
     covered = np.clip(3.0 - abs(across), 0, 1) * np.clip(END_PX + 0.5 - along, 0, 1)
     is_shadow = ((along >= shadow_px[0]) & (along < shadow_px[1]))[..., None]
     needle = np.where(is_shadow, 0.9 * ground, (same + grey_left(along))[..., None])
