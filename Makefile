@@ -18,7 +18,7 @@ BUILDS ?= 2
 PAGES ?= docs
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help docs docs-snippets docs-site setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render rig test-rig rig-registration interop test-exports wheels lock clean
+.PHONY: help docs docs-snippets docs-site setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train train-tip render rig test-rig rig-registration interop test-exports wheels lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -197,6 +197,9 @@ $(VENV)/training: $(VENV)/ready requirements-training.lock
 
 train: $(VENV)/training  ## train the networks of the perceiver segmentation on simulated B-scans, and write its report
 	OMP_WAIT_POLICY=passive GOMP_SPINCOUNT=0 $(BIN)/python -m training.train
+
+train-tip: $(VENV)/training  ## train the network that finds a needle's tip, on simulated scenes and on what make render rendered
+	OMP_WAIT_POLICY=passive GOMP_SPINCOUNT=0 $(BIN)/python -m training.train_tip
 
 .venv-rendering/ready: rendering/requirements.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11) and f"Blender needs CPython 3.11, found {sys.version.split()[0]}; try: make PYTHON=python3.11 render")'

@@ -64,7 +64,7 @@ def main() -> None:
     """Run what trials are left, and print the table."""
     parser = argparse.ArgumentParser(
         description=__doc__,
-        epilog="example: python benchmarks/ablation.py tests/data/renderings --only tip_certainty",
+        epilog="example: python benchmarks/ablation.py tests/data/renderings --only tip_network",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", nargs="*", type=Path, help="a labelled clip, or a folder with some")

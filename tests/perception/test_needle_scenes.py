@@ -36,13 +36,13 @@ def observed(number: int, seed: int) -> Iterator[tuple[Truth, Observation, Vec |
     ("number", "seed", "max_unknown", "max_far"),
     [
         (15, 105, 3, 1),
-        (11, 105, 0, 0),
+        (11, 105, 4, 0),
         (65, 101, 0, 0),
-        (10, 326, 0, 3),
+        (10, 326, 10, 3),
         (5, 328, 7, 0),
         (32, 388, 3, 0),
         (15, 402, 6, 0),
-        (21, 382, 22, 0),
+        (21, 382, 24, 5),
     ],
     ids=[
         "out of a white cannula",

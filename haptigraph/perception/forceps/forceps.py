@@ -43,7 +43,7 @@ class ForcepsPerceiver:
 
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:
         self._registration = registration
-        self._shaft = Tracker(registration, config)
+        self._shaft = Tracker(registration, config, uses_network=False)
         others = [
             Tracker(replace(registration, trocar=trocar), config) for trocar in registration.other_trocars
         ]

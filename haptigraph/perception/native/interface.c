@@ -2,6 +2,7 @@
    structs and the constants that both share. `library.py` refuses a library that does not fit. */
 
 #include "oct/bscan.h"
+#include "tip_network.h"
 
 #ifndef SOURCES
 #error "compile with: python hatch_build.py"
@@ -20,7 +21,7 @@ typedef struct {
 /* clang-format off */
 EXPORT const Entry entries[] = {
     VALUE(STATION_PX), VALUE(BLOCK), VALUE(CELL), VALUE(AROUND_PX), VALUE(MIN_LANES), VALUE(MAX_LANES),
-    VALUE(MAX_STATIONS), VALUE(MAX_PX), VALUE(VOLUME_CELL), VALUE(VOLUME_PADDED), VALUE(MAX_VOLUME_ROWS),
+    VALUE(MAX_STATIONS), VALUE(MAX_PX), VALUE(TIP_STATIONS), VALUE(TIP_PLACES), VALUE(TIP_VALUES), VALUE(TIP_WEIGHTS), VALUE(VOLUME_CELL), VALUE(VOLUME_PADDED), VALUE(MAX_VOLUME_ROWS),
     VALUE(MAX_RIDGES), VALUE(MAX_SQUARE_PX), VALUE(CELL_STEPS), VALUE(MAX_SCAN_PX), VALUE(MAX_STEP_ROWS),
     VALUE(ALONG_STEPS), VALUE(CORE_STEPS), VALUE(MAX_CELLS), VALUE(MAX_SUM_CELLS),
 #define F(field) FIELD(Strip, field)

@@ -1,5 +1,5 @@
-/* A shaft's own profile: what it looks like across, in grey and colour, how much of it there is elsewhere,
-   and whether something brighter is beside it.
+/* A shaft's own profile: what it looks like across, in grey and colour, and how much of it there is
+   elsewhere.
 
    Metal mirrors its surroundings, so its contrast changes from image to image, but hardly along one shaft.
    The projection onto its profile is therefore far less noisy than any contrast, and a shadow, which is wider
@@ -10,7 +10,6 @@
 #include "native.h"
 
 #define MAX_REACH_PX 16
-#define AVERAGED 4      /* stations whose brightness beside the shaft is measured together */
 #define CORE_PX 1       /* on either side of the shaft's middle */
 #define NOISE_FLOOR 3.0 /* times the noise of a pixel: less contrast than that is none */
 
@@ -98,33 +97,14 @@ static double rims_share(const Across *shaft, const Across *beyond, int reach, d
     return beyond->excess[middle] - rims_grey > least_grey ? minimum(left_share, right_share) : 0;
 }
 
-/* Return how far from its brightest lane a profile falls to half on one side [px]. */
-static double half_width(const Across *across, int reach, int middle, int side) {
-    const double half = across->excess[middle] / 2;
-    int k = middle, next = middle + side;
-    while (next >= 0 && next <= 2 * reach && across->excess[next] >= half) k = next, next += side;
-    const int falls = next >= 0 && next <= 2 * reach;
-    return side * (k - middle) +
-           (falls ? (across->excess[k] - half) / (across->excess[k] - across->excess[next]) : 0);
-}
-
-/* Return the width of a profile at half of its brightest lane [px]; 0 if its ground is brighter. */
-static double bright_width(const Across *across, int reach) {
-    const int middle = extreme(across, 0, 2 * reach, 1);
-    double sum = 0;
-    for (int k = 0; k <= 2 * reach; k++) sum += across->excess[k];
-    if (minimum(sum, across->excess[middle]) <= 0) return 0;
-    return half_width(across, reach, middle, -1) + half_width(across, reach, middle, 1);
-}
-
 /* Return how much of a shaft's profile, as it is from `start` to before `stop`, the stations from `from` to
    before `until` show, 1 for all of it and 0 for none; NaN if the shaft does not stand out of the noise.
-   Found are what noise does to it, the share of dark rims about a bright middle, and the widths of both
-   profiles, 0 if they are not bright. The shaft's middle is at v = offset_px + slope u. */
+   Found are what noise does to it, and the share of dark rims about a bright middle. The shaft's middle is at
+   v = offset_px + slope u. */
 EXPORT double profile_share(const Strip *strip, double offset_px, double slope, int reach, int start,
                             int stop, int from, int until, double *found) {
     Across shaft, beyond;
-    found[0] = INFINITY, found[1] = found[2] = found[3] = 0;
+    found[0] = INFINITY, found[1] = 0;
     reach = reach < MAX_REACH_PX ? reach : MAX_REACH_PX;
     if (stop <= start || until <= from || reach < 0) return NAN;
     mean_across(strip, offset_px, slope, reach, start, stop, &shaft);
@@ -137,50 +117,5 @@ EXPORT double profile_share(const Strip *strip, double offset_px, double slope, 
     found[0] = sqrt(noise_grey2 / power / (until - from));
     const double least_grey = NOISE_FLOOR * strip->noise_grey * sqrt(1.5 / (until - from));
     found[1] = rims_share(&shaft, &beyond, reach, strip->noise_grey, least_grey);
-    found[2] = bright_width(&shaft, reach);
-    found[3] = bright_width(&beyond, reach);
     return dot(&shaft, &beyond, reach) / power;
-}
-
-/* Return the mean brightness over the ground in the lanes beside a shaft, `from` to `to` from its middle. */
-static double bright_beside(const Strip *strip, int middle, int from, int to, int station) {
-    double sum = 0;
-    int count = 0;
-    for (int k = from; k <= to; k++) {
-        for (int side = -1; side <= 1; side += 2) {
-            const int lane = middle + side * k;
-            if (lane < 0 || lane >= strip->excess.lanes) continue;
-            sum += maximum(strip->excess.first[lane * strip->excess.stride + station], 0);
-            count++;
-        }
-    }
-    return count ? sum / count : 0;
-}
-
-static double core_grey(const Strip *strip, int middle, int station) {
-    double sum = 0;
-    for (int k = -CORE_PX; k <= CORE_PX; k++) {
-        const int lane = middle + k;
-        if (lane < 0 || lane >= strip->excess.lanes) continue;
-        sum += strip->excess.first[lane * strip->excess.stride + station];
-    }
-    return fabs(sum) / (2 * CORE_PX + 1);
-}
-
-/* Return by how much it gets brighter beside a shaft, along the stations from `start` to before `stop`, up to
-   somewhere in the last ones, as a share of the shaft's contrast. A point gets narrower towards its end. */
-EXPORT double widening(const Strip *strip, double offset_px, double slope, int from, int to, int start,
-                       int stop, int last) {
-    double recent[AVERAGED] = {0}, sum = 0, least = INFINITY, rise = 0, core = 0;
-    for (int n = start; n < stop; n++) {
-        const int middle = middle_lane(strip, offset_px, slope, n);
-        const double bright = bright_beside(strip, middle, from, to, n) / AVERAGED;
-        sum += bright - recent[n % AVERAGED];
-        recent[n % AVERAGED] = bright;
-        core += core_grey(strip, middle, n) / (stop - start);
-        if (n - start < AVERAGED - 1) continue;
-        least = minimum(least, sum);
-        if (n >= stop - last) rise = maximum(rise, sum - least);
-    }
-    return rise / maximum(core, maximum(NOISE_FLOOR * strip->noise_grey, 1));
 }

@@ -24,9 +24,9 @@ __all__ = [
     "core_contrast",
     "estimate_coarse_tip",
     "fit_line",
+    "native_of",
     "profile_share",
     "refine_tip",
-    "widening",
 ]
 
 STATION_PX = float(LIBRARY.constant("STATION_PX"))
@@ -65,9 +65,8 @@ _estimate_coarse_tip = LIBRARY.function("estimate_coarse_tip", "pdddp", ctypes.c
 _fit_line = LIBRARY.function("fit_line", "pddppppp", ctypes.c_int)
 _refine_tip = LIBRARY.function("refine_tip", "pppip", ctypes.c_int)
 _profile_share = LIBRARY.function("profile_share", "pddiiiiip", ctypes.c_double)
-_widening = LIBRARY.function("widening", "pddiiiii", ctypes.c_double)
 
-_Pair, _Triple, _Four = (ctypes.c_double * count for count in (2, 3, 4))
+_Pair, _Triple = (ctypes.c_double * count for count in (2, 3))
 _LineFitBuffer = ctypes.c_char * _LINE_FIT.size
 
 
@@ -138,7 +137,7 @@ def core_contrast(strip: RectifiedStrip, part: slice) -> tuple[FloatImage, float
         strip: The strip.
         part: Of its stations.
     """
-    native = _native(strip)
+    native = native_of(strip)
     start, stop = _span(part, native.stations)
     contrast = np.empty(max(stop - start, 0), np.float32)
     return contrast, _core_contrast(native.packed, start, stop, address(contrast))
@@ -153,7 +152,7 @@ def colored_share(strip: RectifiedStrip, part: slice, min_grey: float, *, own: b
         min_grey: The colour right before them must be at least as clear, else 0 is returned.
         own: Whether it must be the same colour, half as clear at least.
     """
-    native, share_of = _native(strip), _own_color_share if own else _colored_share
+    native, share_of = native_of(strip), _own_color_share if own else _colored_share
     return float(share_of(native.packed, *_span(part, native.stations), float(min_grey)))
 
 
@@ -166,7 +165,7 @@ def contrast_centroid(strip: RectifiedStrip, first: int, last: int, part: slice)
         last: Lane to end with.
         part: Of its stations, one at least.
     """
-    native = _native(strip)
+    native = native_of(strip)
     start, stop = _span(part, native.stations)
     if stop <= start:
         raise ValueError(f"part: expected at least one station, found {part}")
@@ -176,7 +175,7 @@ def contrast_centroid(strip: RectifiedStrip, first: int, last: int, part: slice)
 
 def profile_share(
     strip: RectifiedStrip, offset_px: float, slope: float, reach_px: int, shaft: slice, part: slice
-) -> tuple[float, float, float, float, float]:
+) -> tuple[float, float, float]:
     """Return how much of a shaft's own profile a part of a strip shows.
 
     Args:
@@ -190,35 +189,12 @@ def profile_share(
     Returns:
         1 for all of the profile and 0 for none, and the standard deviation; nan and inf if the shaft does not
         stand out of the noise, or a part is empty. And the share of dark rims about a bright middle, of the
-        rim that shows less; 0 without any, or if the middle is no longer brighter. And how wide shaft and
-        part are [px], at half of their brightness over the ground; 0 if they are not bright.
+        rim that shows less; 0 without any, or if the middle is no longer brighter.
     """
-    native, found = _native(strip), _Four()
+    native, found = native_of(strip), _Pair()
     ends = *_span(shaft, native.stations), *_span(part, native.stations)
     given = native.packed, float(offset_px), float(slope), index(reach_px)
     return float(_profile_share(*given, *ends, found)), *found
-
-
-def widening(
-    strip: RectifiedStrip, offset_px: float, slope: float, beside_px: tuple[int, int], part: slice, last: int
-) -> float:
-    """Return by how much it gets brighter beside a shaft towards its end.
-
-    Args:
-        strip: The strip.
-        offset_px: Of the shaft's middle from the strip's, where u is 0.
-        slope: Of the shaft's middle along the strip.
-        beside_px: First and last lane on either side of the middle.
-        part: Stations along the shaft.
-        last: Of these, how many of the last are its end.
-
-    Returns:
-        The largest rise up to its end, as a share of the shaft's contrast; 0 without one.
-    """
-    native = _native(strip)
-    start, stop = _span(part, native.stations)
-    given = native.packed, float(offset_px), float(slope), index(beside_px[0]), index(beside_px[1])
-    return float(_widening(*given, start, stop, index(last)))
 
 
 def estimate_coarse_tip(
@@ -237,7 +213,7 @@ def estimate_coarse_tip(
     """
     if not 0 < px_per_mm < math.inf:
         raise ValueError(f"px_per_mm: expected a positive number, found {px_per_mm}")
-    packed, tip = _native(strip).packed, _Pair()
+    packed, tip = native_of(strip).packed, _Pair()
     where = _estimate_coarse_tip(packed, float(usual_grey), float(tracked_px), float(px_per_mm), tip)
     return where, int(tip[0]), tip[1]
 
@@ -261,7 +237,7 @@ def fit_line(
     Raises:
         MemoryError: If memory runs out.
     """
-    native, fit = _native(strip), _LineFitBuffer()
+    native, fit = native_of(strip), _LineFitBuffer()
     room = native.stations // BLOCK + 1
     u_px, masks = np.empty(room, np.float32), np.empty((2, room), np.bool_)
     is_on_line = address(masks)
@@ -298,7 +274,7 @@ def refine_tip(
         The tip from the patch's first station on [px], its standard deviation [px] and the needle's contrast
         [grey levels], or None if the contrast does not fall there.
     """
-    native, tip = _native(strip), _Triple()
+    native, tip = native_of(strip), _Triple()
     patch = pack(
         *(_TIP_PATCH, middle_px, blur_px, share, start, stop, continues, about),
         *(is_outside, uses_chroma),
@@ -316,7 +292,8 @@ def _ints(behind_px: tuple[int, ...]) -> ctypes.Array[ctypes.c_int]:
     return (ctypes.c_int * len(behind_px))(*behind_px)
 
 
-def _native(strip: RectifiedStrip) -> _Native:
+def native_of(strip: RectifiedStrip) -> _Native:
+    """Return a strip as C has it."""
     if type(strip) is not RectifiedStrip or type(strip.native) is not _Native:
         raise TypeError(f"strip: expected a RectifiedStrip, found {type(strip).__name__}")
     return strip.native

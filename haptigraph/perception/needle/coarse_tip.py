@@ -43,8 +43,6 @@ class TipEstimate(Struct, frozen=True):
     """Standard deviation of what shifts it from the tip in many images alike: blur, or a point that fades."""
     contrast_grey: float = 0.0
     """Of the needle behind its tip; 0 if not measured."""
-    hidden_px: float = 0.0
-    """How far it is usually beyond that place, where the last of a bright point mirrors what is dark."""
     is_known: bool = True
     """Whether the tip is there; else the shaft may be longer."""
 

@@ -1,9 +1,8 @@
-"""What a picture has lost: an image -> the standard deviation of its blur, the quantum of its compression.
+"""How blurred a picture is: an image -> the standard deviation of its blur.
 
 All around an eye, its registered rim is an edge in the plane of the section, as the needle is. A shaft shows
 the blur less well: where it is as bright as the ground, only rims and a highlight remain of it, which blur
-makes faint rather than wide. JPEG (ITU-T T.81) takes blocks of 8 x 8 px apart into waves, and rounds each to
-a multiple of a quantum: what is fainter is gone.
+makes faint rather than wide.
 """
 
 import math
@@ -26,14 +25,10 @@ SLOPE_BLUR_PX2 = 1.25  # of this filter, and of taking a maximum's curvature fro
 MIN_SHARE = 0.5  # of the usual slope
 SHARP_SHARE = 0.25  # of the rays, which motion and anatomy blur least
 RIM_PX = 0.25  # by which the rim is softer than a shaft
-BLOCK_PX, BLOCK_ROWS = 8, 8  # of JPEG; rows of blocks that are measured
-WAVE = np.cos((np.arange(BLOCK_PX) + 0.5) * np.pi / BLOCK_PX).astype(np.float32) / math.sqrt(4 * BLOCK_PX)
-MIN_WAVE_GREY, MIN_QUANTUM_GREY = 2.0, 4.0  # more than whole pixels, and than continuous waves explain
-LEAST_SHARE = 0.05  # of the waves, which are as small as one quantum
 
 
 class Focus:
-    """The blur of a picture, at the registered rim of one eye, and its compression.
+    """The blur of a picture, at the registered rim of one eye.
 
     Args:
         eye: The eye's geometry.
@@ -51,36 +46,17 @@ class Focus:
         self._images = 0
         self.blur_px = 0.0
         """Standard deviation of the blur; 0 where the rim does not show it."""
-        self.quantum_grey = 0.0
-        """Least that is left of a wave in a compressed picture; 0 if it does not show."""
 
     def measure(self, image: Image) -> None:
-        """Measure blur and compression, in one image out of 16.
+        """Measure the blur, in one image out of 16.
 
         Args:
             image: (h, w, 3) BGR or (h, w) grey.
         """
-        if self._images % EVERY == 0:
-            self.quantum_grey = _quantum_grey(image)
-            if len(self._positions_px[0]) >= MIN_RAYS:
-                rays = np.asarray(cv2.remap(image, *self._positions_px, cv2.INTER_LINEAR), np.uint8)
-                self.blur_px = _blur_px(np.asarray(grey_of(rays), np.float32))
+        if self._images % EVERY == 0 and len(self._positions_px[0]) >= MIN_RAYS:
+            rays = np.asarray(cv2.remap(image, *self._positions_px, cv2.INTER_LINEAR), np.uint8)
+            self.blur_px = _blur_px(np.asarray(grey_of(rays), np.float32))
         self._images += 1
-
-
-def _quantum_grey(image: Image) -> float:
-    """Return what the slowest waves of the blocks of a JPEG are rounded to multiples of; 0 if nothing is.
-
-    They are continuous in other pictures, and their least are as small as what rounding to whole pixels does.
-    """
-    height, width = (length // BLOCK_PX for length in image.shape[:2])
-    starts = range(0, height * BLOCK_PX, max(height // BLOCK_ROWS, 1) * BLOCK_PX)
-    rows = [grey_of(image[start : start + BLOCK_PX, : width * BLOCK_PX]) for start in starts]
-    blocks = np.asarray(rows, np.float32).reshape(len(rows), BLOCK_PX, width, BLOCK_PX)
-    waves_grey = np.abs(np.concatenate([blocks.sum(axis=1) @ WAVE, WAVE @ blocks.sum(axis=3)], axis=None))
-    waves_grey = np.sort(waves_grey[waves_grey > MIN_WAVE_GREY])
-    least_grey = float(waves_grey[int(LEAST_SHARE * len(waves_grey))]) if len(waves_grey) else 0.0
-    return least_grey if least_grey > MIN_QUANTUM_GREY else 0.0
 
 
 def _blur_px(rays: FloatImage) -> float:

@@ -28,7 +28,7 @@ from haptigraph.perception.needle.sharp_tip import (
     sharp_end,
 )
 from haptigraph.perception.needle.subpixel_tip import covers_tip, refine_tip, tip_patch_px
-from haptigraph.perception.needle.tip_certainty import outside_globe, with_certainty
+from haptigraph.perception.needle.tip_network import outside_globe, with_certainty
 
 __all__ = ["MAX_OFF_AXIS_PX", "Candidate", "Detection", "TipSelector"]
 
@@ -45,6 +45,7 @@ COLORED_SD_PX = 3.0
 DIM_BEHIND_PX = 6  # of a dim point, over which its contrast is measured
 
 BESIDE_MM = 4.0  # of the trocar
+UNJUDGED_MM = 0.03  # sd of a tip that the network has not judged: that of closed jaws
 MAX_OFF_AXIS_PX = 3.0
 """A tip further off the strip's middle needs a strip of its own."""
 
@@ -91,11 +92,21 @@ class TipSelector:
         eye: The eye's geometry.
         background: The background model.
         bevel: How far off the axis the tip is.
-        focus: How blurred and compressed the picture is.
+        focus: How blurred the picture is.
+        uses_network: Whether the tip network judges a tip; else it is where it was selected.
     """
 
-    def __init__(self, eye: EyeGeometry, background: Background, bevel: Bevel, focus: Focus) -> None:
+    def __init__(
+        self,
+        eye: EyeGeometry,
+        background: Background,
+        bevel: Bevel,
+        focus: Focus,
+        *,
+        uses_network: bool = True,
+    ) -> None:
         self._eye, self._background, self._bevel, self._focus = eye, background, bevel, focus
+        self._uses_network = uses_network
 
     def select(self, image: Image, detection: Detection, expected_px: float = math.inf) -> TipEstimate:
         """Select the contrast step that is the tip, and locate it sub-pixel.
@@ -250,32 +261,26 @@ class TipSelector:
             return replace(tip, is_known=False) if continues(strip, tip.u_px, wall_px) else tip
         if tip.where != "inside":
             return tip
-        until_px, edges_end_px = detection.candidate.tip.u_px, detection.edges_end_px
-        profile, scale = self._profile(detection), self._eye.px_per_mm
-        rest_px = profile.faint_rest_px(tip.u_px, until_px)
-        blunt_px = profile.blunt_px(tip.u_px, self._blur_px(detection))
-        tip = with_certainty(
-            *(strip, tip, until_px, edges_end_px, fit.blur_px, scale, rest_px, blunt_px),
-            quantum_grey=self._focus.quantum_grey,
-        )
+        until_px = detection.candidate.tip.u_px
         may_go_on = until_px - tip.u_px > NEAR_PX and _own_color_share(strip, tip, until_px) >= DOUBTED_SHARE
-        is_doubted = tip.is_known and (may_go_on or profile.widens(tip.u_px))
-        return replace(tip, is_known=False) if is_doubted else tip
+        if self._uses_network:
+            tip = with_certainty(strip, fit, tip, self._eye.px_per_mm)
+        else:
+            tip = replace(tip, shift_sd_px=UNJUDGED_MM * self._eye.px_per_mm)
+        return replace(tip, is_known=False) if may_go_on else tip
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:
         """Return the end of a shaft that its shadow continues, None if none does.
 
-        What fades beyond that end may be a soft point as well: then the tip is not known.
+        What fades beyond that end may be a soft point as well.
         """
         strip = detection.candidate.strip
         end = sharp_end(strip, tip) if tip.where == "inside" else None
         if end is None or _continues_colored(strip, end, tip.u_px):
             return None
         profile = self._profile(detection)
-        if profile.rims_continue(end.u_px, tip.u_px):
+        if profile.rims_continue(end.u_px, tip.u_px) or profile.fades(end.u_px, tip.u_px):
             return None
-        if profile.fades(end.u_px, tip.u_px):
-            return replace(tip, is_known=False, shift_sd_px=tip.u_px - end.u_px)
         step = self._refine(image, detection, end, end.u_px)
         return step if step and abs(step.u_px - end.u_px) < SHARP_END_PX else end
 

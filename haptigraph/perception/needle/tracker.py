@@ -7,7 +7,7 @@ stub outside looks like an empty port. `Tracker.detect` runs the stages, one mod
 
 stage              module          computes
 predict            pose_filter     the expected line and tip, from earlier images
-focus              focus           how blurred and compressed it is, in every 16th image
+focus              focus           how blurred it is, in every 16th image
 search             search          candidate lines, if no needle is tracked or it was lost
 visible globe      visible_globe   whether there is an eye at all, before a needle is acquired
 rectify            rectify         the strip along a line, and a tip patch, less the background
@@ -15,7 +15,7 @@ coarse tip         coarse_tip      how far there is contrast along the strip
 shaft line         shaft_line      the shaft's middle line, from its edges
 tip selection      tip_selection   which contrast step along the shaft is the tip
 sub-pixel tip      subpixel_tip    the position of each such step (`refine_tip`)
-certainty          tip_certainty   what else shifts that step, and whether the tip may be elsewhere
+certainty          tip_network     where the tip is most probably, and whether it may be elsewhere
 filter             pose_filter     the pose, from prediction and measurement
 background update  background      the eye without the needle
 """
@@ -32,7 +32,7 @@ from haptigraph.messages import Capture, Certainty, Fault, Image, ImageKind, Obs
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.needle.background import Background, occluded_ends
 from haptigraph.perception.needle.bevel import Bevel
-from haptigraph.perception.needle.coarse_tip import EXPOSED_MM, Cannulas, TipEstimate, estimate_coarse_tip
+from haptigraph.perception.needle.coarse_tip import EXPOSED_MM, Cannulas, estimate_coarse_tip
 from haptigraph.perception.needle.focus import Focus
 from haptigraph.perception.needle.pose_filter import PoseFilter
 from haptigraph.perception.needle.rectify import MAX_TURN_RAD, EyeGeometry, Line, RectifiedStrip, stations
@@ -71,6 +71,7 @@ class Tracker:
     Args:
         registration: The static anatomy.
         config: Settings; none is used so far, but all perceivers receive them.
+        uses_network: Whether the tip network judges the tip; it has learned needles, and no jaws.
     """
 
     images: ImageKind = "eye"
@@ -78,7 +79,9 @@ class Tracker:
     entities_with_sd = entities
     """Entities it may report besides the registered anatomy."""
 
-    def __init__(self, registration: Registration, config: PerceptionConfig) -> None:
+    def __init__(
+        self, registration: Registration, config: PerceptionConfig, *, uses_network: bool = True
+    ) -> None:
         self._registration = registration
         self._eye = EyeGeometry(registration)
         self._pose = PoseFilter(self._eye.px_per_mm)
@@ -89,7 +92,8 @@ class Tracker:
         self._bevel = Bevel()
         self._focus = Focus(self._eye)
         self._cannulas = Cannulas(self._eye.px_per_mm)
-        self._tip_selector = TipSelector(self._eye, self._background, self._bevel, self._focus)
+        models = self._background, self._bevel, self._focus
+        self._tip_selector = TipSelector(self._eye, *models, uses_network=uses_network)
         self.reset()
 
     def reset(self) -> None:
@@ -115,7 +119,7 @@ class Tracker:
         found: dict[str, Geometry] = dict(self._registration.anatomy)
         if detection is None or detection.tip.where == "occluded":
             return Observation(capture.stamp_ns, found, () if self._is_eye_visible else (NO_EYE,))
-        needle = self._needle(detection.tip) if detection.tip.is_known else self._shaft(detection)
+        needle = self._needle() if detection.tip.is_known else self._shaft(detection)
         return Observation(capture.stamp_ns, found | needle, certainty=self._certainty(detection))
 
     def detect(self, image: Image, stamp_ns: int) -> Detection | None:
@@ -247,9 +251,7 @@ class Tracker:
         """Select the tip and locate it sub-pixel; what continues beyond the shaft's edges is its shadow."""
         selected = self._select_end(image, detection, expected_px)
         tip = self._tip_selector.with_certainty(selected)
-        if self._cannulas.may_hide(tip):
-            tip = replace(tip, is_known=False)
-        return replace(selected, tip=tip)
+        return replace(selected, tip=replace(tip, is_known=tip.is_known and not self._cannulas.may_hide(tip)))
 
     def _select_end(self, image: Image, detection: Detection, expected_px: float) -> Detection:
         tip = self._tip_selector.select(image, detection, expected_px)
@@ -292,10 +294,9 @@ class Tracker:
             until_px = max(until_px, 0.0)  # it may continue into the wall, which occludes it
         return occluded_ends(self._eye, line, until_px)
 
-    def _needle(self, tip: TipEstimate) -> dict[str, Geometry]:
-        line, depth_px = self._pose.line, self._pose.depth_px + tip.hidden_px
+    def _needle(self) -> dict[str, Geometry]:
+        line, depth_px, off_axis_px = self._pose.line, self._pose.depth_px, self._bevel.off_axis_px
         (x, y), (nx, ny) = line.at_px(self._eye.trocar_px, depth_px), line.normal
-        off_axis_px = self._bevel.off_axis_px
         tip_px = x + off_axis_px * nx, y + off_axis_px * ny
         return {"needle_tip": Point(self._registration.image.to_mm(tip_px)), **self._line_to(depth_px)}
 

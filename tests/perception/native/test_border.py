@@ -27,6 +27,7 @@ from haptigraph.perception.native import (
     sharpness,
     strip,
     surface_lines,
+    tip_network,
 )
 from haptigraph.perception.native import pixels as region_pixels
 from haptigraph.perception.native.strip import RectifiedStrip
@@ -238,7 +239,12 @@ WRAPPERS = {
         strip.profile_share,
         lambda: [make_strip(chroma=excess()), 0.5, 0.02, 9, slice(13, 30), slice(40, 45)],
     ),
-    "widening": (strip.widening, lambda: [make_strip(), 0.5, 0.02, (3, 9), slice(13, 40), 8]),
+    "tip_window": (tip_network.tip_window, lambda: [make_strip(), 0.5, 0.02, 40.0, 20.0]),
+    "tip_places": (
+        tip_network.tip_places,
+        lambda: [np.ones(tip_network.WEIGHTS, np.float32), np.ones(tip_network.VALUES, np.float32), 2.0],
+    ),
+    "tip_posterior": (tip_network.tip_posterior, lambda: [np.ones(tip_network.PLACES + 1), 0.1, 0.5]),
     "fit_line": (strip.fit_line, lambda: [make_strip(), 50.0, 9.0, APPEARANCE]),
     "refine_tip": (
         lambda *arguments: strip.refine_tip(*arguments[:8], **dict(zip(FLAGS, arguments[8:], strict=True))),
@@ -334,8 +340,8 @@ def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
         lambda: strip.fit_line(shown, math.inf, 16.0, APPEARANCE),
         lambda: strip.profile_share(shown, number, number, station, slice(0, station), part),
         lambda: strip.profile_share(shown, 0.5, number, 8, part, slice(0, station)),
-        lambda: strip.widening(shown, number, 0.1, (station, 9), part, station),
-        lambda: strip.widening(shown, 0.5, number, (0, station), part, 8),
+        lambda: tip_network.tip_window(shown, number, 0.1, number, abs(number)),
+        lambda: tip_network.tip_window(shown, 0.5, number, station, 20.0),
         lambda: refine(shown, (12, station), 0, stop, station, number, 0.1, 0.3, True, False, True),
         lambda: refine(shown, (4,), 0, stop, 2 * station, 16.2, number, number, False, True, True),
         lambda: refine(shown, (4,), 0, stop, station, 8.0, 0.0, 0.3, False, False, False),
@@ -359,7 +365,7 @@ def test_right_arguments_are_accepted(name):
 def test_every_wrapper_is_tested():
     modules = (
         *(bscan, bscan_needle, jaws, region_pixels, rectification, search_grid, sharpness, strip),
-        surface_lines,
+        *(surface_lines, tip_network),
     )
     values = {name: value for module in modules for name, value in vars(module).items()}
     functions = {name.lstrip("_") for name, value in values.items() if type(value).__name__ == "_FuncPtr"}

@@ -57,25 +57,6 @@ def test_motion_does_not_count_as_blur_of_the_lens(show):
     assert measured_px(registration, moving) < 0.5 * measured_px(registration, cv2.blur(image, (9, 9)))
 
 
-@pytest.mark.parametrize(("quality", "quantum_grey"), [(25, 22.0), (50, 11.0), (75, 5.5), (95, 0.0)])
-def test_the_quantum_of_a_jpeg_is_that_of_its_table(show, quality, quantum_grey):
-    """The least of both slowest waves in table K.1 of ITU-T T.81 is 11, at quality 50 of libjpeg."""
-    registration, image = show(0.8)
-    for picture in (image, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)):
-        _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
-        focus = Focus(EyeGeometry(registration))
-        focus.measure(cv2.imdecode(jpeg, cv2.IMREAD_UNCHANGED))
-        assert focus.quantum_grey == pytest.approx(quantum_grey, abs=0.6)
-
-
-def test_a_picture_that_was_never_compressed_has_no_quantum(show):
-    registration, image = show(0.8)
-    for picture in (image, cv2.blur(image, (9, 9)), np.zeros_like(image)):
-        focus = Focus(EyeGeometry(registration))
-        focus.measure(picture)
-        assert focus.quantum_grey == 0
-
-
 def test_an_image_without_a_rim_shows_no_blur(show):
     registration, image = show(2.0)
     assert measured_px(registration, np.full_like(image, 90)) == 0.0

@@ -19,7 +19,7 @@ from haptigraph.analysis.registering.registering import all_images
 from haptigraph.config import load_config
 
 BOUNDS = {  # tip px p50, p95, angle p95 in degrees at 1 to 3 mm and beyond
-    "black_round": (0.25, 0.8, 0.1, 0.15),
+    "black_round": (0.25, 0.9, 0.1, 0.15),
     "dark_bowl_bevel": (0.35, 2.8, 0.4, 0.2),
     "dark_bowl_long": (0.4, 0.95, 0.15, 0.15),
     "golden_thin": (0.45, 2.6, 0.1, 0.1),

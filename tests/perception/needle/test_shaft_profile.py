@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from drawn_strip import END_PX, LANES, NOISE_GREY, SHADOW, U_PX, blurred, needle, strip
 
-from haptigraph.perception.native.strip import profile_share, widening
+from haptigraph.perception.native.strip import profile_share
 from haptigraph.perception.needle.rectify import STATION_PX
 from haptigraph.perception.needle.shaft_line import fit_line
 from haptigraph.perception.needle.shaft_profile import ShaftProfile
@@ -56,7 +56,7 @@ def test_follows_a_shaft_across_the_lanes():
 @pytest.mark.parametrize("parts", [(slice(5, 5), slice(9, 12)), (slice(5, 9), slice(12, 12))])
 def test_without_stations_there_is_no_share(parts):
     share, sd, *others = profile_share(strip(needle(3.0)), 0.0, 0.0, 8, *parts)
-    assert np.isnan(share) and sd == np.inf and others == [0, 0, 0]
+    assert np.isnan(share) and sd == np.inf and others == [0]
 
 
 def test_what_does_not_stand_out_of_the_noise_has_no_profile():
@@ -102,24 +102,11 @@ def test_a_profile_continues_where_it_does_not_drop():
     assert not ShaftProfile(hard_shadow, fit, PX_PER_MM).continues(END_PX)
 
 
-def test_a_faint_rest_leaves_its_length_open_and_a_clear_end_nothing():
-    drawn, fit = seen(soft_point(7.0, -25.0))
-    assert ShaftProfile(drawn, fit, PX_PER_MM).faint_rest_px(END_PX, END_PX + 7) > 3.5
-    clear, fit = seen(needle(3.0))
-    assert ShaftProfile(clear, fit, PX_PER_MM).faint_rest_px(END_PX, END_PX + 7) < 1.0
-
-
-def test_a_long_faint_rest_is_a_shadow():
-    drawn, fit = seen(soft_point(40.0))
-    assert ShaftProfile(drawn, fit, PX_PER_MM).faint_rest_px(END_PX, END_PX + 40) == 0.0
-
-
 def test_a_shaft_too_short_to_have_a_profile_says_nothing():
     drawn = strip(needle(3.0, 14.0))
     _, fit = seen(needle(3.0))
     assert not ShaftProfile(drawn, fit, PX_PER_MM).fades(14.0, 20.0)
     assert not ShaftProfile(drawn, fit, PX_PER_MM).continues(14.0)
-    assert ShaftProfile(drawn, fit, PX_PER_MM).faint_rest_px(14.0, 20.0) == 0.0
 
 
 HIGHLIGHT_PX = END_PX - 30.0
@@ -152,52 +139,6 @@ def test_a_shaft_of_one_tone_has_no_rims(grey):
     assert not ShaftProfile(drawn, fit, PX_PER_MM).rims_continue(HIGHLIGHT_PX, END_PX)
 
 
-BUBBLE_PX = 9.0
-"""Its radius."""
-
-
-def bubble(at_px: float, off_px: float = 0.0, grey: float = 90.0):
-    return grey * np.clip(BUBBLE_PX + 0.5 - np.hypot(LANES - off_px, U_PX - at_px), 0, 1)
-
-
-@pytest.mark.parametrize("grey", [-40.0, 60.0])
-@pytest.mark.parametrize("off_px", [0.0, 5.0])
-def test_a_bubble_that_a_shaft_ends_in_is_wider_than_the_shaft(grey, off_px):
-    shaft = needle(3.0, grey=grey)
-    drawn, fit = strip(np.maximum(shaft, bubble(END_PX + BUBBLE_PX, off_px))), seen(shaft)[1]
-    profile = ShaftProfile(drawn, fit, PX_PER_MM)
-    assert profile.widens(END_PX + 2 * BUBBLE_PX)
-    assert not profile.widens(END_PX - 1)
-
-
-@pytest.mark.parametrize("grey", [-40.0, 25.0, 90.0])
-@pytest.mark.parametrize("taper_mm", [1.0, 5.0, 1000.0])
-def test_no_point_gets_wider_towards_its_end(grey, taper_mm):
-    half_width_px = np.clip((END_PX - U_PX) / (taper_mm * PX_PER_MM), 0, 1) * 8
-    drawn, fit = seen(needle(half_width_px, grey=grey))
-    assert not ShaftProfile(drawn, fit, PX_PER_MM).widens(END_PX)
-
-
-def test_a_dark_shadow_beside_the_end_is_no_bubble():
-    shadow = -30.0 * (abs(LANES - 6) < 3) * (abs(U_PX - END_PX) < 10)
-    drawn, fit = seen(needle(3.0) + shadow)
-    assert not ShaftProfile(drawn, fit, PX_PER_MM).widens(END_PX)
-
-
-def test_noise_beside_a_faint_shaft_is_no_bubble():
-    _, fit = seen(needle(3.0))
-    for seed in range(50):
-        drawn = noisy(needle(3.0, grey=-3.0), seed)
-        assert not ShaftProfile(drawn, fit, PX_PER_MM).widens(END_PX)
-
-
-def test_a_widening_is_a_share_of_the_shafts_contrast():
-    excess = needle(3.0, U_PX.max(), 50.0) + 25.0 * (abs(LANES) > 3) * (U_PX > END_PX)
-    part = slice(40, int(U_PX.searchsorted(END_PX + 20)))
-    assert widening(strip(excess), 0.0, 0.0, (5, 10), part, 10) == pytest.approx(0.5, abs=0.05)
-    assert widening(strip(needle(3.0, U_PX.max(), 50.0)), 0.0, 0.0, (5, 10), part, 10) < 0.05
-
-
 @pytest.mark.parametrize("gap_px", [0.0, 6.0, 16.0])
 @pytest.mark.parametrize("fades_px", [0.0, 30.0])
 def test_a_shaft_is_seen_beyond_a_gap_also_if_it_fades_then(gap_px, fades_px):
@@ -214,37 +155,3 @@ def test_a_shaft_is_seen_beyond_a_gap_also_if_it_fades_then(gap_px, fades_px):
 def test_nothing_is_not_seen_beyond_an_end_nor_is_its_blur(blur_px):
     drawn, fit = seen(blurred(needle(3.0, grey=60.0), blur_px, STATION_PX))
     assert not ShaftProfile(drawn, fit, PX_PER_MM).is_seen(END_PX, END_PX + 40)
-
-
-@pytest.mark.parametrize("half_width_px", [3.0, 5.0, 7.0])
-def test_a_bright_end_as_wide_as_its_shaft_is_blunt(half_width_px):
-    drawn, fit = seen(needle(half_width_px, grey=60.0))
-    blunt_px = ShaftProfile(drawn, fit, PX_PER_MM).blunt_px(END_PX, 0.8)
-    assert blunt_px == pytest.approx(2 * half_width_px, abs=1.5)
-
-
-def test_a_point_a_dark_end_and_a_bevel_from_the_front_are_not_blunt():
-    along_px = (END_PX - U_PX) / PX_PER_MM  # mm before the end
-    point = np.clip(along_px / 2, 0.1, 1) * 6
-    bevel = 4 + 3 * ((along_px > 0) & (along_px < 1.2))
-    for excess in (needle(point, grey=60.0), needle(5.0, grey=-60.0), needle(bevel, grey=60.0)):
-        drawn, fit = seen(excess)
-        assert ShaftProfile(drawn, fit, PX_PER_MM).blunt_px(END_PX, 0.8) == 0.0
-
-
-def test_a_shaft_as_wide_as_its_blur_may_have_any_end():
-    drawn, fit = seen(needle(3.0, grey=60.0))
-    profile = ShaftProfile(drawn, fit, PX_PER_MM)
-    assert profile.blunt_px(END_PX, 0.8) > 0 == profile.blunt_px(END_PX, 3.0)
-
-
-def test_a_sharp_picture_is_sharper_in_pixels_where_they_are_larger():
-    drawn, fit = seen(needle(1.0, grey=60.0))
-    fine, coarse = (ShaftProfile(drawn, fit, px_per_mm) for px_per_mm in (PX_PER_MM, PX_PER_MM / 2))
-    assert coarse.blunt_px(END_PX, 0.4) > 0 == fine.blunt_px(END_PX, 0.4)
-
-
-def test_so_near_to_the_wall_that_no_shaft_shows_no_end_is_blunt():
-    drawn, fit = seen(needle(5.0, grey=60.0))
-    first = float(drawn.u_px[drawn.inside.start])
-    assert ShaftProfile(drawn, fit, PX_PER_MM).blunt_px(first + 4, 0.8) == 0.0

@@ -102,13 +102,15 @@ def test_reports_the_shaft_alone_of_a_needle_that_fades_before_its_tip():
     bench, shafts = Bench("dark", Tracker, CameraSettings()), []
     for number, depth_mm in enumerate(np.linspace(12.0, 12.7, 8)):
         observation = bench.observe(faded(bench, float(depth_mm), number), number)
-        if "needle_tip" not in observation.found:
+        if "needle_tip" in observation.found:
+            assert error_px(bench, observation) < 0.3 * bench.settings.px_per_mm
+        else:
             shafts.append(observation)
             ends = observation.found["needle_line"]
             length_mm = norm(subtract(ends.end_mm, ends.start_mm))
             assert turn_deg(bench, observation) < 0.5
             assert depth_mm / 2 < length_mm < depth_mm
-    assert len(shafts) >= 3
+    assert len(shafts) >= 2
     assert all(each.certainty.tip_sd_mm is None for each in shafts)
     assert all(0 < each.certainty.theta_sd_deg < 1 for each in shafts)
 

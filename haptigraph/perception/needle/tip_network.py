@@ -1,0 +1,69 @@
+"""How certain a tip is: a selected tip -> its most probable place, its standard deviation, if it is known.
+
+A small convolutional network reads the pixels along the shaft (`native/tip_network.c`). It learned from
+rendered and simulated needles, degraded in many ways, where their tips are (`make train-tip`). Its
+probabilities are combined with the contrast step that was selected: the step is precise if it is the tip, and
+the network says how probable other places are. Where both leave more than one place open, the tip is not
+known.
+"""
+
+import math
+from functools import lru_cache
+from importlib import resources
+
+import numpy as np
+from msgspec.structs import replace
+
+from haptigraph.imaging import FloatImage
+from haptigraph.perception.native.tip_network import tip_places, tip_posterior, tip_window
+from haptigraph.perception.needle.coarse_tip import TipEstimate
+from haptigraph.perception.needle.rectify import RectifiedStrip
+from haptigraph.perception.needle.shaft_line import LineFit
+
+__all__ = ["outside_globe", "shipped_weights", "with_certainty"]
+
+FILE = "tip_network.npy"
+STEP_SD_PX = 0.4  # of a contrast step, without noise
+MISTAKEN = 0.8  # share of contrast steps that are no tip, as far as the network leaves that open
+MAX_ELSEWHERE = 0.3  # probability that a known tip is at none of the network's places
+MAX_SD_MM, MAX_SD_PX = 0.16, 1.4  # of a tip whose place is known; the larger counts, in coarse images
+OUTSIDE_MM = 0.03  # sd of a contrast step outside the globe
+UNLOCATED_MM = 1.6  # where contrast is lost without a step: the point goes on, too thin or too faint
+
+
+def with_certainty(strip: RectifiedStrip, fit: LineFit, tip: TipEstimate, px_per_mm: float) -> TipEstimate:
+    """Return a tip inside the globe at its most probable place, with its standard deviation.
+
+    Args:
+        strip: The strip along the shaft.
+        fit: The shaft's line.
+        tip: The selected tip.
+        px_per_mm: Scale.
+    """
+    window = tip_window(strip, fit.offset_px, fit.slope, tip.u_px, px_per_mm)
+    places = tip_places(shipped_weights(), window, strip.noise_grey)
+    step_sd_mm = math.hypot(tip.sd_px, STEP_SD_PX) / px_per_mm
+    beyond_mm, sd_mm = tip_posterior(places, step_sd_mm, MISTAKEN)
+    max_sd_mm = max(MAX_SD_MM, MAX_SD_PX / px_per_mm)
+    is_known = sd_mm <= max_sd_mm and float(places[-1]) <= MAX_ELSEWHERE
+    u_px = tip.u_px + beyond_mm * px_per_mm
+    return replace(tip, u_px=u_px, shift_sd_px=sd_mm * px_per_mm, is_known=is_known)
+
+
+def outside_globe(tip: TipEstimate, px_per_mm: float) -> TipEstimate:
+    """Return a tip outside the globe with its standard deviation.
+
+    There the background is often unknown, and a sharpened point fades on it. That it is outside is certain.
+
+    Args:
+        tip: The selected tip.
+        px_per_mm: Scale.
+    """
+    return replace(tip, shift_sd_px=px_per_mm * (OUTSIDE_MM if tip.contrast_grey else UNLOCATED_MM))
+
+
+@lru_cache(maxsize=1)
+def shipped_weights() -> FloatImage:
+    """Return what the network has learned, (n,)."""
+    with resources.as_file(resources.files("haptigraph.models") / FILE) as file:
+        return np.ascontiguousarray(np.load(file), np.float32)

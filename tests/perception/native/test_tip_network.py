@@ -1,0 +1,116 @@
+"""The compiled tip network computes what its definition says, and combines it with a contrast step."""
+
+import math
+
+import numpy as np
+import pytest
+from drawn_strip import END_PX, HALF_PX, U_PX, needle, strip
+
+from haptigraph.perception.native.tip_network import (
+    PLACES,
+    STATIONS,
+    VALUES,
+    WEIGHTS,
+    tip_places,
+    tip_posterior,
+    tip_window,
+)
+
+PX_PER_MM = 20.0
+STEP_MM, LANE_MM, BEHIND, SIDE = 0.08, 0.05, 50, 8
+ACROSS, FEATURES, TAPS, LAYERS = 2 * SIDE + 1, 16, 5, 4
+LANES = np.arange(-HALF_PX, HALF_PX + 1)[:, None]
+
+
+def rows_of(window):
+    return window.reshape(-1, STATIONS)
+
+
+def test_a_window_lies_along_the_shaft_and_across_it_in_millimetres():
+    ramp = strip(np.zeros((2 * HALF_PX + 1, len(U_PX))))
+    shown = np.broadcast_to(100.0 * LANES + U_PX, ramp.excess.shape)
+    ramp.excess[:] = shown
+    rows = rows_of(tip_window(ramp, 2.0, 0.01, END_PX, PX_PER_MM))
+    u_px = END_PX + (np.arange(STATIONS) - BEHIND) * STEP_MM * PX_PER_MM
+    lanes = 2.0 + 0.01 * u_px + np.arange(-SIDE, SIDE + 1)[:, None] * LANE_MM * PX_PER_MM
+    assert rows[:ACROSS] == pytest.approx(100 * lanes + u_px, abs=0.05)
+    assert np.all(rows[-1] == 1)
+
+
+def test_nothing_is_seen_beyond_the_globe():
+    near = strip(needle(4.0))
+    rows = rows_of(tip_window(near, 0.0, 0.0, float(near.u_px[near.inside.start]) + 10, PX_PER_MM))
+    assert 0 < rows[-1].sum() < STATIONS
+    assert np.all(rows[:, rows[-1] == 0] == 0)
+    assert not tip_window(near, 0.0, 0.0, 1e9, PX_PER_MM).any()
+
+
+def expected_places(weights, window, noise_grey):
+    """The network's definition, in NumPy."""
+    at = 0
+
+    def take(*shape):
+        nonlocal at
+        at += math.prod(shape)
+        return weights[at - math.prod(shape) : at].reshape(shape).astype(float)
+
+    rows = rows_of(window).astype(float)
+    channels = rows[:-1].reshape(3, ACROSS, STATIONS)
+    contrast = np.sqrt(np.square(channels[:, :, : BEHIND - 4]).mean(axis=(1, 2)))
+    unit = contrast[0] + 0.5 * contrast[2] + 1
+    noise = np.full((1, STATIONS), math.log((noise_grey + 1) / unit))
+    given = np.concatenate([np.clip(rows[:-1] / unit, -4, 4), rows[-1:], noise])
+    features = np.maximum(take(FEATURES, len(given)) @ given + take(FEATURES)[:, None], 0)
+    layers = take(LAYERS, FEATURES, FEATURES, TAPS), take(LAYERS, FEATURES)
+    for n, (layer, bias) in enumerate(zip(*layers, strict=True)):
+        reach = (TAPS // 2) << n
+        padded = np.pad(features, ((0, 0), (reach, reach)))
+        shifted = [padded[:, tap << n : (tap << n) + STATIONS] for tap in range(TAPS)]
+        sums = sum(layer[:, :, tap] @ shifted[tap] for tap in range(TAPS)) + bias[:, None]
+        features = features + np.maximum(sums, 0)
+    places = take(FEATURES) @ features + take(1)
+    elsewhere = take(FEATURES) @ features.max(axis=1) + take(1)
+    logits = np.append(places[BEHIND - PLACES // 2 : BEHIND + PLACES // 2], elsewhere)
+    assert at == WEIGHTS == len(weights)
+    exponentials = np.exp(logits - logits.max())
+    return exponentials / exponentials.sum()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_places_are_those_of_the_networks_definition(seed):
+    rng = np.random.default_rng(seed)
+    weights = rng.normal(0, 0.15, WEIGHTS).astype(np.float32)
+    window = rng.normal(0, 20, VALUES).astype(np.float32)
+    expected = expected_places(weights, window, 3.0)
+    places = tip_places(weights, window.copy(), 3.0)
+    assert places == pytest.approx(expected, rel=1e-3, abs=1e-6)
+    assert places.sum() == pytest.approx(1)
+
+
+def at_places(*numbers):
+    places = np.zeros(PLACES + 1)
+    for number in numbers:
+        places[number] = 1 / len(numbers)
+    return places
+
+
+def test_a_network_that_agrees_leaves_a_step_where_it_is_and_certain():
+    beyond_mm, sd_mm = tip_posterior(at_places(PLACES // 2), 0.04, 0.5)
+    assert beyond_mm == pytest.approx(0, abs=0.005)
+    assert sd_mm < 0.04
+
+
+def test_a_network_that_is_sure_of_another_place_moves_the_tip_there():
+    beyond_mm, sd_mm = tip_posterior(at_places(PLACES // 2 + 5), 0.04, 0.5)
+    assert beyond_mm == pytest.approx(5 * STEP_MM, abs=0.01)
+    assert sd_mm < 0.06
+
+
+def test_two_places_leave_a_tip_uncertain_between_them():
+    beyond_mm, sd_mm = tip_posterior(at_places(PLACES // 2 + 4, PLACES // 2 + 12), 0.04, 0.5)
+    assert beyond_mm == pytest.approx(8 * STEP_MM, abs=0.02)
+    assert sd_mm == pytest.approx(4 * STEP_MM, rel=0.1)
+
+
+def test_a_tip_that_may_be_anywhere_is_as_uncertain_as_the_network_reaches():
+    assert tip_posterior(at_places(PLACES), 0.04, 1.0)[1] > 0.4
