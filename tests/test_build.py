@@ -48,7 +48,7 @@ def sources(tmp_path, monkeypatch):
     """A folder of its own with a few C sources, which are compiled instead."""
     folder = tmp_path / "native"
     (folder / "oct").mkdir(parents=True)
-    for name in ("native.h", "median.c", "interface.c", "oct/bscan.h"):
+    for name in ("native.h", "median.c", "interface.c", "tip_network.h", "oct/bscan.h"):
         shutil.copy(hatch_build.FOLDER / name, folder / name)
     monkeypatch.setattr(hatch_build, "FOLDER", folder)
     return folder
