@@ -46,7 +46,6 @@ PERCEIVER = "tracker"
 MOTION_PX, MOTION_DEG = 9.0, 30.0
 NOISE_SD_GREY = 12.0
 JPEG_QUALITY = 25
-MOTION = line_kernel(MOTION_PX, MOTION_DEG)
 MAX_IMAGES = sys.maxsize
 
 Degradation = Callable[[Image, np.random.Generator], Image]
@@ -195,22 +194,35 @@ def halved(image: Image, _rng: np.random.Generator) -> Image:
     return np.asarray(cv2.resize(even, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def moved(image: Image, _rng: np.random.Generator) -> Image:
-    """Return an image blurred by a straight uniform motion during the exposure."""
-    return np.asarray(cv2.filter2D(image, -1, MOTION), np.uint8)
+def moving(length_px: float, angle_deg: float) -> Degradation:
+    """Return what blurs an image by a straight uniform motion during the exposure."""
+    kernel = line_kernel(length_px, angle_deg)
+    return lambda image, _rng: np.asarray(cv2.filter2D(image, -1, kernel), np.uint8)
 
 
-def noisy(image: Image, rng: np.random.Generator) -> Image:
-    """Return an image with Gaussian noise, independent in every pixel and colour."""
-    noise = rng.standard_normal(image.shape, np.float32) * np.float32(NOISE_SD_GREY)
-    return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
+def adding_noise(sd_grey: float) -> Degradation:
+    """Return what adds Gaussian noise to an image, independent in every pixel and colour."""
+
+    def noisy(image: Image, rng: np.random.Generator) -> Image:
+        noise = rng.standard_normal(image.shape, np.float32) * np.float32(sd_grey)
+        return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
+
+    return noisy
 
 
-def compressed(image: Image, _rng: np.random.Generator) -> Image:
-    """Return an image as it is after JPEG compression."""
-    encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-    return np.asarray(cv2.imdecode(encoded, cv2.IMREAD_COLOR), np.uint8)
+def compressing(quality: int) -> Degradation:
+    """Return what makes an image what it is after JPEG compression."""
 
+    def compressed(image: Image, _rng: np.random.Generator) -> Image:
+        encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        return np.asarray(cv2.imdecode(encoded, cv2.IMREAD_COLOR), np.uint8)
+
+    return compressed
+
+
+moved = moving(MOTION_PX, MOTION_DEG)
+noisy = adding_noise(NOISE_SD_GREY)
+compressed = compressing(JPEG_QUALITY)
 
 VARIANTS: dict[str, Degradation] = {
     "full": unchanged,

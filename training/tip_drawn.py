@@ -7,13 +7,12 @@ point, brightness across and along the shaft, highlight and rims, blur, noise, c
 import cv2
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from haptigraph.imaging import Floats
 from haptigraph.perception.native.strip import STATION_PX
 from haptigraph.perception.native.tip_network import STATIONS, VALUES
 from training.tip_shape import ACROSS, BEHIND, CHANNELS, LANE_MM, STEP_MM
-from training.tip_windows import WIDE_MM, Windows
+from training.tip_windows import NEAR_MM, WIDE_MM, Window, Windows
 
 __all__ = ["drawn"]
 
@@ -24,7 +23,7 @@ WIDTH_MM, TAPER_MM, BEVEL_MM = (0.25, 1.0), (0.3, 6.0), (0.4, 2.0)
 GREY, NOISE_GREY = (12.0, 90.0), (0.5, 10.0)
 BLUR_MM, PX_PER_MM = (0.02, 0.12), (4.5, 30.0)
 MAX_OFF_MM = 0.04  # of the shaft from the middle of the window
-NEAR_MM, WIDE_SHARE = 0.9, 0.25  # of tips from the window's place, and share of those further away
+WIDE_SHARE = 0.25  # of tips that are further from the window's place
 COLORS, TINT_SHARE = (0.0, 0.3, 1.0), 0.3  # how coloured a needle is, and how often unevenly
 LEFT_SHARE = 0.3  # of the ground, at most, that is left when the background is subtracted
 
@@ -32,13 +31,10 @@ LEFT_SHARE = 0.3  # of the ground, at most, that is left when the background is 
 def drawn(count: int, seed: int) -> Windows:
     """Return random windows."""
     rng = np.random.default_rng(seed)
-    found = [_window(rng) for _ in range(count)]
-    values, beyond_mm, noise_grey = zip(*found, strict=True)
-    return Windows(np.array(values), np.array(beyond_mm, np.float32), np.array(noise_grey, np.float32))
+    return Windows.of(_window(rng) for _ in range(count))
 
 
-def _window(rng: Generator) -> tuple[NDArray[np.float16], float, float]:
-    """Return one window, how far the tip is beyond its place, and the noise."""
+def _window(rng: Generator) -> Window:
     is_wide = rng.random() < WIDE_SHARE
     tip_mm = -rng.uniform(*WIDE_MM) if is_wide else rng.uniform(-NEAR_MM, NEAR_MM)
     off_mm = rng.normal(0, MAX_OFF_MM)

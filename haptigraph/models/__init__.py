@@ -1,1 +1,1 @@
-"""Networks that ship with haptigraph: ONNX files, and the TOML file that describes them."""
+"""Networks that ship with haptigraph: ONNX files, the TOML file that describes them, and one of numbers."""

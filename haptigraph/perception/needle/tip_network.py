@@ -8,7 +8,6 @@ known.
 """
 
 import math
-from functools import lru_cache
 from importlib import resources
 
 import numpy as np
@@ -31,7 +30,9 @@ OUTSIDE_MM = 0.03  # sd of a contrast step outside the globe
 UNLOCATED_MM = 1.6  # where contrast is lost without a step: the point goes on, too thin or too faint
 
 
-def with_certainty(strip: RectifiedStrip, fit: LineFit, tip: TipEstimate, px_per_mm: float) -> TipEstimate:
+def with_certainty(
+    strip: RectifiedStrip, fit: LineFit, tip: TipEstimate, px_per_mm: float, weights: FloatImage
+) -> TipEstimate:
     """Return a tip inside the globe at its most probable place, with its standard deviation.
 
     Args:
@@ -39,9 +40,10 @@ def with_certainty(strip: RectifiedStrip, fit: LineFit, tip: TipEstimate, px_per
         fit: The shaft's line.
         tip: The selected tip.
         px_per_mm: Scale.
+        weights: What the network has learned, (n,).
     """
     window = tip_window(strip, fit.offset_px, fit.slope, tip.u_px, px_per_mm)
-    places = tip_places(shipped_weights(), window, strip.noise_grey)
+    places = tip_places(weights, window, strip.noise_grey)
     step_sd_mm = math.hypot(tip.sd_px, STEP_SD_PX) / px_per_mm
     beyond_mm, sd_mm = tip_posterior(places, step_sd_mm, MISTAKEN)
     max_sd_mm = max(MAX_SD_MM, MAX_SD_PX / px_per_mm)
@@ -62,7 +64,6 @@ def outside_globe(tip: TipEstimate, px_per_mm: float) -> TipEstimate:
     return replace(tip, shift_sd_px=px_per_mm * (OUTSIDE_MM if tip.contrast_grey else UNLOCATED_MM))
 
 
-@lru_cache(maxsize=1)
 def shipped_weights() -> FloatImage:
     """Return what the network has learned, (n,)."""
     with resources.as_file(resources.files("haptigraph.models") / FILE) as file:

@@ -28,7 +28,7 @@ from haptigraph.perception.needle.sharp_tip import (
     sharp_end,
 )
 from haptigraph.perception.needle.subpixel_tip import covers_tip, refine_tip, tip_patch_px
-from haptigraph.perception.needle.tip_network import outside_globe, with_certainty
+from haptigraph.perception.needle.tip_network import outside_globe, shipped_weights, with_certainty
 
 __all__ = ["MAX_OFF_AXIS_PX", "Candidate", "Detection", "TipSelector"]
 
@@ -106,7 +106,7 @@ class TipSelector:
         uses_network: bool = True,
     ) -> None:
         self._eye, self._background, self._bevel, self._focus = eye, background, bevel, focus
-        self._uses_network = uses_network
+        self._weights = shipped_weights() if uses_network else None
 
     def select(self, image: Image, detection: Detection, expected_px: float = math.inf) -> TipEstimate:
         """Select the contrast step that is the tip, and locate it sub-pixel.
@@ -263,10 +263,10 @@ class TipSelector:
             return tip
         until_px = detection.candidate.tip.u_px
         may_go_on = until_px - tip.u_px > NEAR_PX and _own_color_share(strip, tip, until_px) >= DOUBTED_SHARE
-        if self._uses_network:
-            tip = with_certainty(strip, fit, tip, self._eye.px_per_mm)
-        else:
+        if self._weights is None:
             tip = replace(tip, shift_sd_px=UNJUDGED_MM * self._eye.px_per_mm)
+        else:
+            tip = with_certainty(strip, fit, tip, self._eye.px_per_mm, self._weights)
         return replace(tip, is_known=False) if may_go_on else tip
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:

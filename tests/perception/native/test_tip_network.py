@@ -15,10 +15,10 @@ from haptigraph.perception.native.tip_network import (
     tip_posterior,
     tip_window,
 )
+from training.tip_shape import ACROSS, BEHIND, LANE_MM, SIDE, STEP_MM
 
 PX_PER_MM = 20.0
-STEP_MM, LANE_MM, BEHIND, SIDE = 0.08, 0.05, 50, 8
-ACROSS, FEATURES, TAPS, LAYERS = 2 * SIDE + 1, 16, 5, 4
+FEATURES, TAPS, LAYERS = 16, 5, 4
 LANES = np.arange(-HALF_PX, HALF_PX + 1)[:, None]
 
 

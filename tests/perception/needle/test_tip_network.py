@@ -11,7 +11,7 @@ from haptigraph.config import PerceptionConfig
 from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.shaft_line import fit_line
 from haptigraph.perception.needle.sharp_tip import sharp_end
-from haptigraph.perception.needle.tip_network import outside_globe, with_certainty
+from haptigraph.perception.needle.tip_network import outside_globe, shipped_weights, with_certainty
 from haptigraph.perception.needle.tracker import Tracker
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.phantom import Phantom
@@ -24,7 +24,8 @@ TIP = TipEstimate("inside", END_PX, 100.0, sd_px=0.2, contrast_grey=40.0)
 
 def certain(excess, at_px: float = END_PX) -> TipEstimate:
     drawn, plain = strip(blurred(excess, 0.7, STATION_PX)), strip(needle(4))
-    return with_certainty(drawn, fit_line(plain, END_PX, plain.half_px), replace(TIP, u_px=at_px), PX_PER_MM)
+    fit = fit_line(plain, END_PX, plain.half_px)
+    return with_certainty(drawn, fit, replace(TIP, u_px=at_px), PX_PER_MM, shipped_weights())
 
 
 @pytest.mark.parametrize("grey", [-40.0, 60.0])
@@ -64,7 +65,7 @@ def test_a_shaft_that_the_strip_hardly_shows_has_a_certainty():
     drawn = strip(needle(4))
     fit = fit_line(drawn, END_PX, drawn.half_px)
     for at_px in (float(drawn.u_px[drawn.inside.start]), float(drawn.u_px[-1]) + 500):
-        tip = with_certainty(drawn, fit, replace(TIP, u_px=at_px), PX_PER_MM)
+        tip = with_certainty(drawn, fit, replace(TIP, u_px=at_px), PX_PER_MM, shipped_weights())
         assert np.isfinite(tip.u_px) and np.isfinite(tip.shift_sd_px)
 
 
