@@ -18,7 +18,7 @@ BUILDS ?= 2
 PAGES ?= docs
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help docs docs-snippets docs-site setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train train-tip render rig test-rig rig-registration interop test-exports wheels lock clean
+.PHONY: help docs docs-snippets docs-site setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train train-tip render render-tips rig test-rig rig-registration interop test-exports wheels lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -198,7 +198,7 @@ $(VENV)/training: $(VENV)/ready requirements-training.lock
 train: $(VENV)/training  ## train the networks of the perceiver segmentation on simulated B-scans, and write its report
 	OMP_WAIT_POLICY=passive GOMP_SPINCOUNT=0 $(BIN)/python -m training.train
 
-train-tip: $(VENV)/training  ## train the network that finds a needle's tip, on simulated scenes and on what make render rendered
+train-tip: $(VENV)/training  ## train the network that finds a needle's tip, on simulated scenes and on what make render-tips rendered
 	OMP_WAIT_POLICY=passive GOMP_SPINCOUNT=0 $(BIN)/python -m training.train_tip
 
 .venv-rendering/ready: rendering/requirements.txt
@@ -211,6 +211,9 @@ render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into b
 	@for scene in $(SCENES); do \
 		.venv-rendering/bin/python -m rendering.render $$scene && $(BIN)/python -m rendering.pack $$scene || exit 1; \
 	done
+
+render-tips: .venv-rendering/ready  ## tips of needles in scenes drawn by lot into build/tips, for make train-tip; 40 minutes
+	.venv-rendering/bin/python -m rendering.render_tips 1 111
 
 .venv-rig/ready: rig/requirements.txt
 	$(PYTHON) -m venv .venv-rig

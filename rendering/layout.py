@@ -6,6 +6,7 @@ distance of a point behind that section, away from the camera.
 
 import math
 from functools import cached_property
+from typing import TypeAlias
 
 from msgspec import Struct
 
@@ -15,7 +16,17 @@ from haptigraph.sim.eye.eye import Eye, EyeShape
 from rendering.path import Pose, needle_path
 from rendering.scene import Scene
 
-__all__ = ["CUT_MM", "DISTANCE_MM", "HEIGHT_PX", "TROCARS_DEG", "WALL_MM", "WIDTH_PX", "Layout", "Placed"]
+__all__ = [
+    "CUT_MM",
+    "DISTANCE_MM",
+    "HEIGHT_PX",
+    "TROCARS_DEG",
+    "WALL_MM",
+    "WIDTH_PX",
+    "Box",
+    "Layout",
+    "Placed",
+]
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
 DISTANCE_MM = 200.0
@@ -25,6 +36,9 @@ CUT_MM = 0.6
 """Height of the cut wall in front of the section."""
 TROCARS_DEG = {"first": 36.0, "second": -37.0}
 """From the top."""
+Box: TypeAlias = tuple[int, int, int, int]
+"""Left, top, right and bottom of a part of an image [px]; right and bottom are exclusive."""
+
 MARGIN_MM = 4.0  # around the eye, for the needle and its shadow
 
 
@@ -112,11 +126,8 @@ class Layout:
         direction = unit(subtract(other.on_retina(instrument.aim_deg), other.trocar_mm))
         return _along(other.trocar_mm, direction, instrument.depth_mm), direction
 
-    def changing_px(self) -> tuple[int, int, int, int]:
-        """Return (left, top, right, bottom) of the image region that the needle may change.
-
-        Right and bottom are exclusive.
-        """
+    def changing_px(self) -> Box:
+        """Return the part of the image that the needle may change."""
         (x, y), px_per_mm = self.image.center_px, self.scene.camera.px_per_mm
         outer_mm = self.eye.radius_mm + WALL_MM
         half_px = px_per_mm * (outer_mm + MARGIN_MM)

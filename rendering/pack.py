@@ -20,7 +20,7 @@ from rendering.layout import HEIGHT_PX, WIDTH_PX, Layout
 from rendering.raw import BACKGROUND, raw_files
 from rendering.scene import output_folder, scene_from_arguments
 
-__all__ = ["AWAY_IMAGES", "RATE_HZ", "Sensor", "main", "pack"]
+__all__ = ["AWAY_IMAGES", "RATE_HZ", "Sensor", "main", "pack", "write_clip"]
 
 AWAY_IMAGES = 3
 """Number of images without needle at the start."""
@@ -61,7 +61,7 @@ def pack(layout: Layout, raw: Path, folder: Path) -> None:
     missing = [file for file in files if not file.exists()]
     if missing:
         raise _not_rendered(missing[0])
-    _write_clip(folder / "clip.mp4", (sensor(image) for image in _images(layout, background, files)))
+    write_clip(folder / "clip.mp4", (sensor(image) for image in _images(layout, background, files)))
     cv2.imwrite(str(folder / BACKGROUND), sensor(background))
     truth = truth_of(layout, [None] * AWAY_IMAGES + list(layout.poses), assemble.load_procedure(PROCEDURE))
     (folder / "registration.toml").write_text(registration_of(layout))
@@ -113,8 +113,13 @@ def _not_rendered(file: Path) -> BadInput:
     return BadInput("is not an image; delete it if it exists, and run: make render", file)
 
 
-def _write_clip(file: Path, images: Iterable[Image]) -> None:
-    """Encode BGR images as H.264."""
+def write_clip(file: Path, images: Iterable[Image]) -> None:
+    """Encode BGR images as H.264.
+
+    Args:
+        file: The MP4 file to write.
+        images: (HEIGHT_PX, WIDTH_PX, 3) each.
+    """
     with av.open(str(file), "w") as container:
         stream = container.add_stream("libx264", rate=RATE_HZ, options={"crf": QUALITY})
         stream.width, stream.height, stream.pix_fmt = WIDTH_PX, HEIGHT_PX, "yuv420p"

@@ -26,7 +26,7 @@ def main() -> None:
     stage = Stage(layout)
     for file, pose in images.items():
         begun_s = time.monotonic()
-        stage.render(file, pose)
+        stage.render(file, pose, None if pose is None else layout.changing_px())
         print(f"  {file.name} in {time.monotonic() - begun_s:.0f} s", flush=True)
 
 

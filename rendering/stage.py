@@ -11,7 +11,7 @@ import bpy
 from mathutils import Vector
 
 from rendering.bodies import add_beads, add_bowl, add_needle, add_second_instrument, add_surroundings, place
-from rendering.layout import DISTANCE_MM, HEIGHT_PX, WIDTH_PX, Layout
+from rendering.layout import DISTANCE_MM, HEIGHT_PX, WIDTH_PX, Box, Layout
 from rendering.path import Pose
 from rendering.scene import Light
 
@@ -46,25 +46,30 @@ class Stage:
         _add_camera(scene.camera.px_per_mm)
         _set_up_cycles(scene.camera.filter_px, scene.camera.exposure_stops)
 
-    def render(self, file: Path, pose: Pose | None) -> None:
-        """Render an image; of images with a needle only the region that it may change.
+    def render(self, file: Path, pose: Pose | None, box_px: Box | None = None, smaller: int = 1) -> None:
+        """Render an image, or a part of it.
 
-        The image has full size, black where it was not rendered.
+        The image has full size, black where it was not rendered; WebP holds the part alone, without loss.
 
         Args:
-            file: The PNG file to write; it appears when it is complete.
+            file: The PNG or WebP file to write; it appears when it is complete.
             pose: Pose of the needle; None: no needle.
+            box_px: Left, top, right and bottom of the part; None: all.
+            smaller: The image is rendered at this fraction of its size.
         """
         settings = bpy.context.scene.render
         self._needle.hide_render = pose is None
-        settings.use_border = pose is not None
+        settings.use_border, settings.use_crop_to_border = box_px is not None, file.suffix == ".webp"
+        settings.image_settings.file_format = "WEBP" if file.suffix == ".webp" else "PNG"
+        settings.image_settings.quality, settings.resolution_percentage = 100, 100 // smaller
         if pose is not None:
             placed, roll_deg = self._layout.placed(pose), self._layout.scene.needle.roll_deg
             place(self._needle, self._layout, placed.axis_mm, placed.direction, roll_deg or 0.0)
-            left, top, right, bottom = self._layout.changing_px()
+        if box_px is not None:
+            left, top, right, bottom = box_px
             settings.border_min_x, settings.border_max_x = left / WIDTH_PX, right / WIDTH_PX
             settings.border_min_y, settings.border_max_y = 1 - bottom / HEIGHT_PX, 1 - top / HEIGHT_PX
-        part = file.with_name("part.png")
+        part = file.with_name(f"part{file.suffix}")
         settings.filepath = str(part)
         with silence():
             bpy.ops.render.render(write_still=True)
@@ -113,7 +118,7 @@ def _set_up_cycles(filter_px: float, exposure_stops: float) -> None:
     settings.engine = "CYCLES"
     settings.use_persistent_data = True  # static objects are prepared once
     settings.resolution_x, settings.resolution_y = WIDTH_PX, HEIGHT_PX
-    settings.image_settings.file_format, settings.image_settings.color_mode = "PNG", "RGB"
+    settings.image_settings.color_mode = "RGB"
     cycles = scene.cycles
     cycles.device, cycles.samples, cycles.seed = "CPU", SAMPLES, 1
     cycles.use_denoising, cycles.denoiser = True, "OPENIMAGEDENOISE"

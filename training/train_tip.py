@@ -1,11 +1,12 @@
 """Train the network that finds a needle's tip in the pixels along its shaft: `make train-tip`.
 
-It learns from simulated scenes, and from the rendered scenes whose clips are in the folders given, each
-degraded in several ways. Everything is seeded: the same machine with the same libraries gives the same
-network. It is written as one array of numbers, in the order of `TipWeights` in `tip_network.h`.
+It learns from simulated scenes, and from rendered scenes drawn by lot (`make render-tips`), each degraded in
+several ways. Everything is seeded: the same machine with the same libraries gives the same network. It is
+written as one array of numbers, in the order of `TipWeights` in `tip_network.h`.
 """
 
 import argparse
+import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
@@ -18,46 +19,17 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from benchmarks.degraded import clips
 from haptigraph.perception.native.tip_network import PLACES, STATIONS, VALUES
-from training.tip_drawn import drawn
+from training.tip_rendered import is_rendered, of_drawn
 from training.tip_shape import ACROSS, BEHIND, CHANNELS, STEP_MM
-from training.tip_windows import VARIANTS, Windows, of_clip, of_scene
+from training.tip_windows import Windows, of_scene
 
 __all__ = ["TipNet", "train", "write"]
 
 ROOT = Path(__file__).parent.parent
 FILE = ROOT / "haptigraph" / "models" / "tip_network.npy"
-FOLDERS = ROOT / "tests" / "data" / "renderings", ROOT / "build" / "renderings"
-LEARNED = (
-    "black_round",
-    "dark_bowl_bevel",
-    "dark_bowl_long",
-    "golden_thin",
-    "lot_ash",
-    "lot_bevel",
-    "lot_brick",
-    "lot_coral",
-    "lot_fawn",
-    "lot_maroon",
-    "lot_mauve",
-    "lot_moss",
-    "lot_olive",
-    "lot_orchid",
-    "lot_plum",
-    "lot_rose",
-    "lot_round",
-    "lot_salmon",
-    "lot_sand",
-    "lot_tan",
-    "lot_taupe",
-    "lot_umber",
-    "lot_violet",
-    "lot_yellow",
-    "orange_bowl",
-    "second_instrument",
-)
-"""Scenes that it learns from. No other rendered scene was used, so the others can tell what it is worth."""
+DRAWN = range(1, 111)
+"""Numbers of the rendered scenes. No scene with a name was used, so all of them can tell what it is worth."""
 SEED = 26
 SCENES = 66
 SIZES_PX = {
@@ -66,12 +38,13 @@ SIZES_PX = {
     **dict.fromkeys((606, 609), (400, 225)),
 }
 """Image sizes of the simulated scenes, by seed."""
-FEATURES, TAPS, LAYERS = 16, 5, 4  # as in `tip_network.h`
+FEATURES, TAPS, LAYERS = 24, 5, 4  # as in `tip_network.h`
 SHAFT, COLOR_SHARE, MAX_VALUE = BEHIND - 4, 0.5, 4.0
-SHARES = 0.5, 0.25, 0.25  # of a batch: rendered, simulated and drawn windows
-DRAWN, DRAWN_SEED = 30_000, 7
-BATCH, STEPS, RATE, DECAY = 128, 9000, 4e-3, 1e-3
-TARGET_SD_MM = 0.06
+SHARES = 0.6, 0.4  # of a batch: rendered and simulated windows
+BATCH, STEPS, RATE, DECAY = 128, 12_000, 4e-3, 1e-3
+KIND_SHARES = 0.6, 0.25, 0.15  # of windows at selected tips, near them, and further off
+PLACE_SD_MM, STEP_SD_PX, ELSEWHERE_MM = 0.05, (0.3, 1.0), 10.0  # as in `tip_network.c`; how wide elsewhere is
+USUAL_PX_PER_MM, MIN_SD_PX, CONTEXT = 18.0, 0.1, 3
 MAX_NOISE, COLOR_NOISE = 0.15, 1.4  # of the contrast; of the colour, in that of the grey
 COLOR_IN_GREY = 0.7  # standard deviation of the share of the colour that is added to the grey
 MAX_SCALE, MAX_LIGHT = 0.3, 0.6  # logarithm of a scale; change of the contrast along a shaft
@@ -81,24 +54,25 @@ PROCESSORS = 2
 
 
 class TipNet(nn.Module):
-    """Map windows to the logits of a tip at each place, and of one at none, (n, PLACES + 1)."""
+    """Map windows to logits, (n, KINDS): a tip at each place, at none, and at the step, in two precisions."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.first = nn.Conv1d(CHANNELS * ACROSS + 2, FEATURES, 1)
+        self.first = nn.Conv1d(CHANNELS * ACROSS + 1 + CONTEXT + 1, FEATURES, 1)
         self.layers = nn.ModuleList(
             nn.Conv1d(FEATURES, FEATURES, TAPS, padding=(TAPS // 2) << n, dilation=1 << n)
             for n in range(LAYERS)
         )
         self.place = nn.Conv1d(FEATURES, 1, 1)
         self.elsewhere = nn.Linear(FEATURES, 1)
+        self.step = nn.Linear(FEATURES, len(STEP_SD_PX))
 
-    def forward(self, values: Tensor, noise_grey: Tensor) -> Tensor:
+    def forward(self, values: Tensor, context: Tensor) -> Tensor:
         """Return the logits.
 
         Args:
             values: Windows, (n, VALUES).
-            noise_grey: (n,).
+            context: Noise [grey levels], scale [px per mm], and the steps' standard deviations [px], (n, 3).
         """
         count = CHANNELS * ACROSS
         rows = values.reshape(len(values), count + 1, STATIONS)
@@ -106,26 +80,29 @@ class TipNet(nn.Module):
         contrast = contrast.square().mean((2, 3)).sqrt()
         unit = contrast[:, 0] + COLOR_SHARE * contrast[:, -1] + 1
         seen = (rows[:, :count] / unit[:, None, None]).clamp(-MAX_VALUE, MAX_VALUE)
-        noise = torch.log((noise_grey + 1) / unit)[:, None, None].expand(-1, 1, STATIONS)
-        at = torch.relu(self.first(torch.cat((seen, rows[:, count:], noise), 1)))
+        noise_grey, px_per_mm, sd_px = context.T
+        whole = (noise_grey + 1) / unit, px_per_mm / USUAL_PX_PER_MM, sd_px + MIN_SD_PX
+        rest = torch.stack(whole, 1).log()[:, :, None].expand(-1, -1, STATIONS)
+        is_step = (torch.arange(STATIONS) == BEHIND).float().expand(len(rows), 1, -1)
+        at = torch.relu(self.first(torch.cat((seen, rows[:, count:], rest, is_step), 1)))
         for layer in self.layers:
             at = at + torch.relu(layer(at))
         places = self.place(at)[:, 0, BEHIND - PLACES // 2 : BEHIND + PLACES // 2]
-        return torch.cat((places, self.elsewhere(at.amax(2))), 1)
+        return torch.cat((places, self.elsewhere(at.amax(2)), self.step(at[:, :, BEHIND])), 1)
 
 
 def main() -> None:
     """Make the windows, train, and write the weights."""
     args = parse_arguments()
+    check_rendered()
     torch.manual_seed(SEED)
     torch.set_num_threads(PROCESSORS)  # another number changes the order of sums
     torch.use_deterministic_algorithms(True)
     with ProcessPoolExecutor(PROCESSORS, get_context("spawn")) as pool:
-        rendered = joined(pool.map(_of_clip, product(learned(args.folder), VARIANTS), chunksize=5))
+        rendered = joined(pool.map(of_drawn, DRAWN))
         simulated = joined(pool.map(_of_scene, product(range(SCENES), SIZES_PX.items()), chunksize=11))
-    parts = rendered, simulated, drawn(DRAWN, DRAWN_SEED)
-    print("rendered, simulated and drawn windows:", *(len(part.values) for part in parts), flush=True)
-    write(train(parts, args.steps), args.output)
+    print("rendered and simulated windows:", len(rendered.values), len(simulated.values), flush=True)
+    write(train((rendered, simulated), args.steps), args.output)
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -135,29 +112,22 @@ def parse_arguments() -> argparse.Namespace:
         epilog="example: python -m training.train_tip --steps 500 --output quick.npy",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("folder", nargs="*", type=Path, default=list(FOLDERS), help="with rendered clips")
     parser.add_argument("--output", type=Path, default=FILE, help="file to write (default: the shipped one)")
     parser.add_argument("--steps", type=int, default=STEPS, help=f"of training (default: {STEPS})")
     return parser.parse_args()
 
 
-def learned(folders: list[Path]) -> list[Path]:
-    """Return the clips of the scenes that the network learns from.
+def check_rendered() -> None:
+    """Check that all drawn scenes are rendered.
 
     Raises:
-        SystemExit: If one is missing.
+        SystemExit: If one is not.
     """
-    found = {clip.name: clip for folder in folders if folder.is_dir() for clip in clips([folder])}
-    missing = [name for name in LEARNED if name not in found]
+    missing = [number for number in DRAWN if not is_rendered(number)]
     if missing:
         raise SystemExit(
-            f'train_tip: {len(missing)} clips are missing; make render SCENES="{" ".join(missing)}"'
+            f"train_tip: {len(missing)} of {len(DRAWN)} scenes are not rendered; make render-tips"
         )
-    return [found[name] for name in LEARNED]
-
-
-def _of_clip(given: tuple[Path, str]) -> Windows | None:
-    return of_clip(*given)
 
 
 def _of_scene(given: tuple[int, tuple[int, tuple[int, int]]]) -> Windows | None:
@@ -179,9 +149,8 @@ def train(parts: Sequence[Windows], steps: int, seed: int = SEED) -> TipNet:
     net.train()
     mean = 0.0
     for step in range(steps):
-        values, noise_grey, beyond_mm = _batch(rng, parts)
-        logits = net(values, noise_grey)
-        loss = -(_targets(beyond_mm) * functional.log_softmax(logits, 1)).sum(1).mean()
+        values, context, beyond_mm = _batch(rng, parts)
+        loss = -log_density(net(values, context), beyond_mm, context[:, 1]).mean()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
@@ -192,13 +161,10 @@ def train(parts: Sequence[Windows], steps: int, seed: int = SEED) -> TipNet:
     return net.eval()
 
 
-def _batch(rng: np.random.Generator, parts: Sequence[Windows]) -> tuple[Tensor, Tensor, NDArray[np.float32]]:
+def _batch(rng: np.random.Generator, parts: Sequence[Windows]) -> tuple[Tensor, Tensor, Tensor]:
     """Draw windows, and vary what other needles, lights and cameras vary."""
-    counts = (round(share * BATCH) for share in SHARES)
-    chosen = [
-        (part, rng.integers(len(part.values), size=count)) for part, count in zip(parts, counts, strict=True)
-    ]
-    values, beyond_mm, noise_grey = (
+    chosen = [(part, _drawn_of(rng, part, share)) for part, share in zip(parts, SHARES, strict=True)]
+    values, beyond_mm, context = (
         np.concatenate([part[field][at] for part, at in chosen]).astype(np.float32) for field in range(3)
     )
     rows = values.reshape(BATCH, CHANNELS * ACROSS + 1, STATIONS)
@@ -216,8 +182,16 @@ def _batch(rng: np.random.Generator, parts: Sequence[Windows]) -> tuple[Tensor, 
         seen[:, channels] += share * added.astype(np.float32)[:, None, None, None] * noise
     seen *= is_inside[:, None, None]
     rows = np.concatenate([seen.reshape(BATCH, -1, STATIONS), is_inside[:, None]], 1).astype(np.float32)
-    noise_grey = np.hypot(noise_grey, added).astype(np.float32)
-    return torch.from_numpy(rows.reshape(BATCH, VALUES)), torch.from_numpy(noise_grey), beyond_mm * along
+    context[:, 0] = np.hypot(context[:, 0], added)
+    whole = torch.from_numpy(rows.reshape(BATCH, VALUES)), torch.from_numpy(context)
+    return *whole, torch.from_numpy(beyond_mm * along)
+
+
+def _drawn_of(rng: np.random.Generator, part: Windows, share: float) -> NDArray[np.int64]:
+    """Draw windows of a part, some at selected tips, others beside them."""
+    count = round(share * BATCH)
+    kinds = rng.choice(len(KIND_SHARES), count, p=KIND_SHARES)
+    return rng.integers(len(part.values) // len(KIND_SHARES), size=count) * len(KIND_SHARES) + kinds
 
 
 def _scaled(
@@ -244,21 +218,24 @@ def _light(rng: np.random.Generator) -> NDArray[np.float32]:
     return (1 + share * np.sin(phase + 2 * np.pi * waves * np.arange(STATIONS) / STATIONS)).astype(np.float32)
 
 
-def _targets(beyond_mm: NDArray[np.float32]) -> Tensor:
-    """Return the probabilities that are wanted, (n, PLACES + 1)."""
-    at_mm = (np.arange(PLACES) - PLACES // 2) * STEP_MM
-    targets = np.zeros((len(beyond_mm), PLACES + 1), np.float32)
-    targets[:, :-1] = np.exp(-np.square((beyond_mm[:, None] - at_mm) / TARGET_SD_MM) / 2)
-    is_elsewhere = np.abs(beyond_mm + STEP_MM / 2) > PLACES / 2 * STEP_MM
-    targets[is_elsewhere] = np.eye(PLACES + 1, dtype=np.float32)[-1]
-    return torch.from_numpy(targets / targets.sum(1, keepdims=True))
+def log_density(logits: Tensor, beyond_mm: Tensor, px_per_mm: Tensor) -> Tensor:
+    """Return the logarithm of the density of true tips, (n,)."""
+    centers_mm = (torch.arange(PLACES) - PLACES // 2) * STEP_MM
+    steps = [_log_normal(beyond_mm[:, None], sd_px / px_per_mm[:, None]) for sd_px in STEP_SD_PX]
+    places = _log_normal(beyond_mm[:, None] - centers_mm, torch.tensor(PLACE_SD_MM))
+    elsewhere = torch.full((len(logits), 1), -math.log(ELSEWHERE_MM))
+    return torch.logsumexp(functional.log_softmax(logits, 1) + torch.cat((places, elsewhere, *steps), 1), 1)
+
+
+def _log_normal(off_mm: Tensor, sd_mm: Tensor) -> Tensor:
+    return -(off_mm / sd_mm).square() / 2 - torch.log(sd_mm * math.sqrt(2 * math.pi))
 
 
 def write(net: TipNet, file: Path) -> None:
     """Write what it has learned in the order of `TipWeights`."""
     parts = [net.first.weight, net.first.bias, *(layer.weight for layer in net.layers)]
     parts += [*(layer.bias for layer in net.layers), net.place.weight, net.place.bias]
-    parts += [net.elsewhere.weight, net.elsewhere.bias]
+    parts += [net.elsewhere.weight, net.elsewhere.bias, net.step.weight, net.step.bias]
     np.save(file, torch.cat([part.detach().flatten() for part in parts]).numpy().astype(np.float32))
 
 

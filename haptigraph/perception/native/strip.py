@@ -25,7 +25,6 @@ __all__ = [
     "estimate_coarse_tip",
     "fit_line",
     "native_of",
-    "profile_share",
     "refine_tip",
 ]
 
@@ -64,7 +63,6 @@ _own_color_share = LIBRARY.function("own_color_share", "piid", ctypes.c_double)
 _estimate_coarse_tip = LIBRARY.function("estimate_coarse_tip", "pdddp", ctypes.c_int)
 _fit_line = LIBRARY.function("fit_line", "pddppppp", ctypes.c_int)
 _refine_tip = LIBRARY.function("refine_tip", "pppip", ctypes.c_int)
-_profile_share = LIBRARY.function("profile_share", "pddiiiiip", ctypes.c_double)
 
 _Pair, _Triple = (ctypes.c_double * count for count in (2, 3))
 _LineFitBuffer = ctypes.c_char * _LINE_FIT.size
@@ -171,30 +169,6 @@ def contrast_centroid(strip: RectifiedStrip, first: int, last: int, part: slice)
         raise ValueError(f"part: expected at least one station, found {part}")
     first, last = max(index(first), 0), min(index(last), native.lanes - 1)
     return float(_contrast_centroid(native.packed, first, last, start, stop))
-
-
-def profile_share(
-    strip: RectifiedStrip, offset_px: float, slope: float, reach_px: int, shaft: slice, part: slice
-) -> tuple[float, float, float]:
-    """Return how much of a shaft's own profile a part of a strip shows.
-
-    Args:
-        strip: The strip.
-        offset_px: Of the shaft's middle from the strip's, where u is 0.
-        slope: Of the shaft's middle along the strip.
-        reach_px: Lanes on either side of the middle.
-        shaft: Stations that show the shaft.
-        part: Stations in question.
-
-    Returns:
-        1 for all of the profile and 0 for none, and the standard deviation; nan and inf if the shaft does not
-        stand out of the noise, or a part is empty. And the share of dark rims about a bright middle, of the
-        rim that shows less; 0 without any, or if the middle is no longer brighter.
-    """
-    native, found = native_of(strip), _Pair()
-    ends = *_span(shaft, native.stations), *_span(part, native.stations)
-    given = native.packed, float(offset_px), float(slope), index(reach_px)
-    return float(_profile_share(*given, *ends, found)), *found
 
 
 def estimate_coarse_tip(

@@ -5,6 +5,7 @@
 
 #include "tip_network.h"
 
+#include <float.h>
 #include <string.h>
 
 #define STEP_MM 0.08           /* between the stations of its window, */
@@ -12,10 +13,15 @@
 #define SHAFT (TIP_BEHIND - 4) /* stations whose contrast is the unit of all values */
 #define COLOR_SHARE 0.5        /* of the colour in that unit */
 #define MAX_VALUE 4.0f
-#define CHUNK 24 /* stations that are summed together */
-#define FINE 8   /* places between two of the network's, where it is combined with a contrast step */
-#define ELSEWHERE_SD_MM 0.6
-#define PI 3.14159265358979323846
+#define CHUNK 24   /* stations that are summed together, */
+#define TOGETHER 3 /* and features */
+#define USUAL_PX_PER_MM 18
+#define MIN_SD_PX 0.1
+#define PLACE_SD_MM 0.05 /* of a tip at a place */
+#define FAR_MM 0.3       /* what is further from the mean counts as elsewhere, */
+#define FAR_PX 2.5       /* or further than this, in coarse images */
+
+static const double step_sd_px[TIP_STEPS] = {0.3, 1.0};
 
 typedef float Features[FEATURES][TIP_STATIONS + 2 * PADDING];
 
@@ -61,67 +67,99 @@ static double contrast(const TipWindow *window, int channel) {
     return sqrt(sum / (ACROSS * SHAFT));
 }
 
-/* Add to the sums of some stations what rows of values weigh, each at `taps` positions that are `apart`. */
+/* Add to the sums of some stations, for some features, what rows of values weigh, each at `taps` positions
+   that are `apart`. */
 static inline void add_rows(const float *first, ptrdiff_t stride, int rows, int taps, ptrdiff_t apart,
-                            const float *weights, float *sums) {
-    float here[CHUNK];
-    for (int n = 0; n < CHUNK; n++) here[n] = sums[n];
+                            const float *weights, ptrdiff_t next, float sums[TOGETHER][CHUNK]) {
+    float here[TOGETHER][CHUNK];
+    memcpy(here, sums, sizeof here);
     for (int row = 0; row < rows; row++) {
         for (int tap = 0; tap < taps; tap++) {
-            const float *values = first + row * stride + tap * apart, weight = weights[row * taps + tap];
-            for (int n = 0; n < CHUNK; n++) here[n] += weight * values[n];
+            const float *values = first + row * stride + tap * apart;
+            for (int feature = 0; feature < TOGETHER; feature++) {
+                const float weight = weights[feature * next + row * taps + tap];
+                for (int n = 0; n < CHUNK; n++) here[feature][n] += weight * values[n];
+            }
         }
     }
-    for (int n = 0; n < CHUNK; n++) sums[n] = here[n];
+    memcpy(sums, here, sizeof here);
 }
 
 /* Write the features of each station alone. */
-static void first_layer(const TipWeights *weights, TipWindow *window, double noise_grey, Features features) {
+static void first_layer(const TipWeights *weights, TipWindow *window, const double *context,
+                        Features features) {
     const double unit = contrast(window, 0) + COLOR_SHARE * contrast(window, CHANNELS - 1) + 1;
-    const float scale = (float)(1 / unit), noise = (float)log((noise_grey + 1) / unit);
+    const float scale = (float)(1 / unit);
+    const float whole[CONTEXT] = {(float)log((context[0] + 1) / unit),
+                                  (float)log(context[1] / USUAL_PX_PER_MM),
+                                  (float)log(context[2] + MIN_SD_PX)};
     float *values = (float *)window;
     for (int n = 0; n < CHANNELS * ACROSS * TIP_STATIONS; n++) {
         const float value = scale * values[n];
         values[n] = value < -MAX_VALUE ? -MAX_VALUE : value > MAX_VALUE ? MAX_VALUE : value;
     }
-    for (int feature = 0; feature < FEATURES; feature++) {
-        const float *weight = weights->first[feature];
-        const float bias = weights->first_bias[feature] + noise * weight[CHANNELS * ACROSS + 1];
+    float sums[TOGETHER][CHUNK];
+    for (int feature = 0; feature < FEATURES; feature += TOGETHER) {
         for (int from = 0; from < TIP_STATIONS; from += CHUNK) {
-            float *sums = features[feature] + PADDING + from;
-            for (int n = 0; n < CHUNK; n++) sums[n] = bias;
-            add_rows(values + from, TIP_STATIONS, CHANNELS * ACROSS + 1, 1, 0, weight, sums);
-            for (int n = 0; n < CHUNK; n++) sums[n] = sums[n] > 0 ? sums[n] : 0;
+            for (int k = 0; k < TOGETHER; k++) {
+                const float *rest = weights->first[feature + k] + CHANNELS * ACROSS + 1;
+                float bias = weights->first_bias[feature + k];
+                for (int n = 0; n < CONTEXT; n++) bias += rest[n] * whole[n];
+                for (int n = 0; n < CHUNK; n++) {
+                    sums[k][n] = bias + (from + n == TIP_BEHIND ? rest[CONTEXT] : 0);
+                }
+            }
+            add_rows(values + from, TIP_STATIONS, CHANNELS * ACROSS + 1, 1, 0, weights->first[feature],
+                     sizeof weights->first[0] / sizeof(float), sums);
+            for (int k = 0; k < TOGETHER; k++) {
+                float *written = features[feature + k] + PADDING + from;
+                for (int n = 0; n < CHUNK; n++) written[n] = sums[k][n] > 0 ? sums[k][n] : 0;
+            }
         }
     }
 }
 
 /* Add what each station shows together with those so far before and behind it. */
 static void add_layer(const TipWeights *weights, int layer, Features features) {
-    float sums[FEATURES][TIP_STATIONS];
+    float sums[FEATURES / TOGETHER][TIP_STATIONS / CHUNK][TOGETHER][CHUNK];
     const int apart = 1 << layer;
-    for (int feature = 0; feature < FEATURES; feature++) {
-        for (int n = 0; n < TIP_STATIONS; n++) sums[feature][n] = weights->layer_bias[layer][feature];
-        for (int from = 0; from < TIP_STATIONS; from += CHUNK) {
-            const float *first = features[0] + PADDING + from - TAPS / 2 * apart;
+    for (int group = 0; group < FEATURES / TOGETHER; group++) {
+        for (int chunk = 0; chunk < TIP_STATIONS / CHUNK; chunk++) {
+            const int feature = group * TOGETHER;
+            for (int k = 0; k < TOGETHER; k++) {
+                for (int n = 0; n < CHUNK; n++)
+                    sums[group][chunk][k][n] = weights->layer_bias[layer][feature + k];
+            }
+            const float *first = features[0] + PADDING + chunk * CHUNK - TAPS / 2 * apart;
             add_rows(first, TIP_STATIONS + 2 * PADDING, FEATURES, TAPS, apart,
-                     weights->layer[layer][feature][0], sums[feature] + from);
+                     weights->layer[layer][feature][0], sizeof weights->layer[0][0] / sizeof(float),
+                     sums[group][chunk]);
         }
     }
     for (int feature = 0; feature < FEATURES; feature++) {
         for (int n = 0; n < TIP_STATIONS; n++) {
-            features[feature][PADDING + n] += sums[feature][n] > 0 ? sums[feature][n] : 0;
+            const float sum = sums[feature / TOGETHER][n / CHUNK][feature % TOGETHER][n % CHUNK];
+            features[feature][PADDING + n] += sum > 0 ? sum : 0;
         }
     }
 }
 
-/* Write the probability of a tip at each place, of which the middle one is the apparent tip, and, last, that
-   of none of them. `values` receives a window as `tip_window` writes it, and is changed. */
-VECTORS EXPORT void tip_places(const float *numbers, float *values, double noise_grey, double *places) {
+/* Return what a station's features weigh. */
+static double weighed(const float *weights, float bias, Features features, int station) {
+    double sum = bias;
+    for (int n = 0; n < FEATURES; n++) sum += weights[n] * features[n][PADDING + station];
+    return sum;
+}
+
+/* Write the probability of a tip at each place, of which the middle one is the apparent tip, then that of
+   none of them, then that of the contrast step there being the tip, as precise as each of `step_sd_px`.
+   `context` is noise [grey levels], scale [px per mm], and the step's standard deviation [px]. `values`
+   receives a window as `tip_window` writes it, and is changed. */
+VECTORS EXPORT void tip_places(const float *numbers, float *values, const double *context, double *places) {
     const TipWeights *weights = (const TipWeights *)numbers;
     Features features;
     memset(features, 0, sizeof features);
-    first_layer(weights, (TipWindow *)values, noise_grey, features);
+    first_layer(weights, (TipWindow *)values, context, features);
     for (int layer = 0; layer < LAYERS; layer++) add_layer(weights, layer, features);
     double elsewhere = weights->elsewhere_bias, highest, total = 0;
     for (int feature = 0; feature < FEATURES; feature++) {
@@ -130,40 +168,41 @@ VECTORS EXPORT void tip_places(const float *numbers, float *values, double noise
         elsewhere += weights->elsewhere[feature] * most;
     }
     highest = places[TIP_PLACES] = elsewhere;
-    for (int place = 0; place < TIP_PLACES; place++) {
-        double logit = weights->place_bias;
-        for (int feature = 0; feature < FEATURES; feature++) {
-            logit +=
-                weights->place[feature] * features[feature][PADDING + TIP_BEHIND - TIP_PLACES / 2 + place];
-        }
-        places[place] = logit;
-        highest = maximum(highest, logit);
+    for (int n = 0; n < TIP_PLACES; n++) {
+        places[n] = weighed(weights->place, weights->place_bias, features, TIP_BEHIND - TIP_PLACES / 2 + n);
     }
-    for (int place = 0; place <= TIP_PLACES; place++) total += places[place] = exp(places[place] - highest);
-    for (int place = 0; place <= TIP_PLACES; place++) places[place] /= total;
+    for (int n = 0; n < TIP_STEPS; n++) {
+        places[TIP_PLACES + 1 + n] = weighed(weights->step[n], weights->step_bias[n], features, TIP_BEHIND);
+    }
+    for (int n = 0; n < TIP_KINDS; n++) highest = maximum(highest, places[n]);
+    for (int n = 0; n < TIP_KINDS; n++) total += places[n] = exp(places[n] - highest);
+    for (int n = 0; n < TIP_KINDS; n++) places[n] /= total;
 }
 
-/* Return the density of the network's places at a fine one, between two of them. */
-static double density(const double *places, int fine) {
-    const int place = fine / FINE;
-    const double part = (double)(fine % FINE) / FINE;
-    return places[place] + part * (place + 1 < TIP_PLACES ? places[place + 1] - places[place] : 0);
+/* Return where a kind of `tip_places` is, and its standard deviation [mm]. */
+static double at_mm(int kind, double px_per_mm, double *sd_mm) {
+    const int step = kind - TIP_PLACES - 1;
+    *sd_mm = step < 0 ? PLACE_SD_MM : step_sd_px[step] / px_per_mm;
+    return step < 0 ? (kind - TIP_PLACES / 2) * STEP_MM : 0;
 }
 
-/* Combine the places of a tip with a contrast step, which is at the middle one: sd_mm is its standard
-   deviation, `mistaken` the share of such steps that are no tip. `tip` receives how far the tip is beyond the
-   step, and its standard deviation [mm]. */
-EXPORT void tip_posterior(const double *places, double sd_mm, double mistaken, double *tip) {
-    const double step_mm = STEP_MM / FINE, level = 1 / (TIP_PLACES * STEP_MM);
-    double total = 0, first = 0, second = 0;
-    for (int fine = 0; fine < TIP_PLACES * FINE; fine++) {
-        const double at_mm = fine * step_mm - TIP_PLACES / 2 * STEP_MM;
-        const double far = exp(-square(at_mm / ELSEWHERE_SD_MM) / 2) / (sqrt(2 * PI) * ELSEWHERE_SD_MM);
-        const double near = exp(-square(at_mm / sd_mm) / 2) / (sqrt(2 * PI) * sd_mm);
-        const double shown = density(places, fine) / STEP_MM + places[TIP_PLACES] * far;
-        const double weight = shown * (mistaken * level + (1 - mistaken) * near);
-        total += weight, first += weight * at_mm, second += weight * square(at_mm);
+/* Write mean and standard deviation [mm] of the places near `about_mm`, and the probability of all others. */
+static void summed(const double *shares, double px_per_mm, double about_mm, double within_mm, double *tip) {
+    double near = DBL_MIN, first = 0, second = 0, sd_mm;
+    for (int kind = 0; kind < TIP_KINDS; kind++) {
+        const double mm = at_mm(kind, px_per_mm, &sd_mm);
+        if (kind == TIP_PLACES || fabs(mm - about_mm) > within_mm) continue;
+        near += shares[kind], first += shares[kind] * mm;
+        second += shares[kind] * (square(mm) + square(sd_mm));
     }
-    tip[0] = first / total;
-    tip[1] = sqrt(maximum(second / total - square(tip[0]), 0) + square(step_mm) / 12);
+    tip[0] = first / near;
+    tip[1] = sqrt(maximum(second / near - square(tip[0]), 0));
+    tip[2] = 1 - near;
+}
+
+/* Write how far a tip is beyond the apparent one, its standard deviation [mm], and how probably it is far
+   from there, from what `tip_places` wrote. */
+EXPORT void tip_posterior(const double *places, double px_per_mm, double *tip) {
+    summed(places, px_per_mm, 0, INFINITY, tip);
+    summed(places, px_per_mm, tip[0], maximum(FAR_MM, FAR_PX / px_per_mm), tip);
 }

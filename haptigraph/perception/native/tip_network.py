@@ -9,12 +9,14 @@ from haptigraph.perception.native.arrays import FLOAT, address, checked
 from haptigraph.perception.native.library import LIBRARY
 from haptigraph.perception.native.strip import RectifiedStrip, native_of
 
-__all__ = ["PLACES", "STATIONS", "VALUES", "WEIGHTS", "tip_places", "tip_posterior", "tip_window"]
+__all__ = ["KINDS", "PLACES", "STATIONS", "VALUES", "WEIGHTS", "tip_places", "tip_posterior", "tip_window"]
 
 STATIONS = LIBRARY.constant("TIP_STATIONS")
 """Of a window along the shaft."""
 PLACES = LIBRARY.constant("TIP_PLACES")
 """Where a tip may be."""
+KINDS = LIBRARY.constant("TIP_KINDS")
+"""The places, none of them, and two precisions of the contrast step."""
 VALUES = LIBRARY.constant("TIP_VALUES")
 """Of a window."""
 WEIGHTS = LIBRARY.constant("TIP_WEIGHTS")
@@ -22,9 +24,9 @@ WEIGHTS = LIBRARY.constant("TIP_WEIGHTS")
 DOUBLE = np.dtype(np.float64)
 
 _tip_window = LIBRARY.function("tip_window", "pddddp")
-_tip_places = LIBRARY.function("tip_places", "ppdp")
-_tip_posterior = LIBRARY.function("tip_posterior", "pddp")
-_Pair = ctypes.c_double * 2
+_tip_places = LIBRARY.function("tip_places", "pppp")
+_tip_posterior = LIBRARY.function("tip_posterior", "pdp")
+_Context, _Tip = ctypes.c_double * 3, ctypes.c_double * 3
 
 
 def tip_window(
@@ -50,30 +52,29 @@ def tip_window(
     return values
 
 
-def tip_places(weights: FloatImage, window: FloatImage, noise_grey: float) -> Floats:
-    """Return the probability of a tip at each place, and, last, of a tip at none of them, (PLACES + 1,).
+def tip_places(weights: FloatImage, window: FloatImage, context: tuple[float, float, float]) -> Floats:
+    """Return the probability of a tip at each place, at none of them, and at the contrast step, (KINDS,).
 
     Args:
         weights: What the network has learned, (WEIGHTS,).
         window: What `tip_window` returned; is changed.
-        noise_grey: Standard deviation of a pixel.
+        context: Noise [grey levels], scale [px per mm], and the step's standard deviation [px].
     """
-    places = np.empty(PLACES + 1, np.float64)
+    places = np.empty(KINDS, np.float64)
     given = checked("weights", weights, FLOAT, (WEIGHTS,)), checked("window", window, FLOAT, (VALUES,))
-    _tip_places(*given, float(noise_grey), address(places))
+    _tip_places(*given, _Context(*context), address(places))
     return places
 
 
-def tip_posterior(places: Floats, sd_mm: float, share: float) -> tuple[float, float]:
-    """Return how far a tip is beyond a contrast step, and its standard deviation [mm].
+def tip_posterior(places: Floats, px_per_mm: float) -> tuple[float, float, float]:
+    """Return how far a tip is beyond an apparent one, its sd [mm], and how probably it is far from there.
 
     Args:
         places: What `tip_places` returned about that step.
-        sd_mm: Standard deviation of the step.
-        share: Share of such steps that are no tip.
+        px_per_mm: Scale.
     """
-    if not 0 < sd_mm < np.inf:
-        raise ValueError(f"sd_mm: expected a positive number, found {sd_mm}")
-    found = _Pair()
-    _tip_posterior(checked("places", places, DOUBLE, (PLACES + 1,)), float(sd_mm), float(share), found)
-    return found[0], found[1]
+    if not 0 < px_per_mm < np.inf:
+        raise ValueError(f"px_per_mm: expected a positive number, found {px_per_mm}")
+    found = _Tip()
+    _tip_posterior(checked("places", places, DOUBLE, (KINDS,)), float(px_per_mm), found)
+    return found[0], found[1], found[2]

@@ -17,7 +17,7 @@ from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip, median
 from haptigraph.perception.needle.subpixel_tip import FADING_LEVEL
 
-__all__ = ["MAX_DIM_PX", "MIN_DIM_PX", "continues", "dim_end_px", "is_bright", "is_clear_end", "sharp_end"]
+__all__ = ["continues", "is_bright", "is_clear_end", "sharp_end"]
 
 GROUP = 4  # stations whose sharpness is measured together
 POINT = 5  # groups
@@ -30,9 +30,7 @@ STEADY, STEADY_BEHIND = 0.1, 20  # variation of the contrast, as a share of it; 
 MIN_SNR = 4.0  # of the brightest lane
 BLURRED = 3  # stations, at a tip out of focus
 MAX_SHADOW = 0.4  # contrast of a shadow, as a share of its shaft's
-MIN_DIM_PX, MAX_DIM_PX = 3, 14  # what is shorter is blurred
-MIN_DIM = 0.2  # share of the contrast behind
-SHARP_SHARE = 0.3  # a dim point is sharper than this share of what is behind
+SHARP_SHARE = 0.3  # of what is behind: what is less sharp is no shaft
 
 
 def sharp_end(strip: RectifiedStrip, tip: TipEstimate) -> TipEstimate | None:
@@ -123,29 +121,6 @@ def is_bright(strip: RectifiedStrip, from_px: float, to_px: float) -> bool:
     return stop > start and float(middle.mean(axis=1).max()) > MIN_SNR * strip.noise_grey / math.sqrt(
         stop - start
     )
-
-
-def dim_end_px(patch: RectifiedStrip, tip: TipEstimate) -> float | None:
-    """Return where a point ends that gets dim before its end, and stays sharp.
-
-    Args:
-        patch: A tip patch that shows what is beyond the tip as well, the shaft in its middle.
-        tip: The contrast step.
-
-    Returns:
-        The position along the patch, to a pixel, or None if nothing sharp continues from the step.
-    """
-    start = math.ceil(tip.u_px - float(patch.u_px[0])) + 1
-    along, noise_grey = core_contrast(patch, slice(start, patch.inside.stop))
-    is_dim = along >= max(noise_grey, MIN_DIM * tip.contrast_grey)
-    length = len(is_dim) if is_dim.all() else int(is_dim.argmin())
-    if not MIN_DIM_PX <= length <= MAX_DIM_PX:
-        return None
-    around = patch.excess[patch.half_px - AROUND_PX : patch.half_px + AROUND_PX + 1]
-    parts = slice(max(start - 1 - length, 0), start - 1), slice(start, start + length)
-    behind, dim = (mean_sharpness(around[:, part]) for part in parts)
-    threshold = max(SHARP_SHARE * behind, sharpness_threshold(patch.noise_grey, length))
-    return float(patch.u_px[start + length - 1]) if dim >= threshold else None
 
 
 def _along(strip: RectifiedStrip, part: slice) -> FloatImage:

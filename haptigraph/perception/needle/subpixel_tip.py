@@ -18,7 +18,7 @@ from haptigraph.perception.needle.rectify import RectifiedStrip
 __all__ = ["FADING_LEVEL", "covers_tip", "refine_tip", "tip_patch_px"]
 
 BEHIND_PX, AHEAD_PX = 12, 10  # of the needle, and of what follows, in a tip patch
-NEAR_PX = 7
+NEAR_PX = 7  # of the needle, over which its contrast is measured in the second round
 FADING_LEVEL = 0.3  # of dark rims about a bright middle: where they are thin, blur takes one from the other
 
 
@@ -40,7 +40,6 @@ def refine_tip(
     about_px: float,
     off_axis_px: float = 0.0,
     blur_px: float = 0.0,
-    behind_px: tuple[int, ...] = (BEHIND_PX, NEAR_PX),
     *,
     uses_chroma: bool = False,
 ) -> TipEstimate | None:
@@ -56,7 +55,6 @@ def refine_tip(
         about_px: Where along the patch the tip is, to some pixels.
         off_axis_px: How far from the patch's middle the shaft is there.
         blur_px: Standard deviation of the blur, of the shaft's edges or of the picture.
-        behind_px: Lengths over which the needle's contrast is measured, one per round.
         uses_chroma: Whether the contrast is that of its colour, too.
 
     Returns:
@@ -71,7 +69,7 @@ def refine_tip(
         return None
     first_px = float(patch.u_px[start])
     found = native.refine_tip(
-        *(patch, behind_px, start, stop, math.ceil(about_px - first_px)),
+        *(patch, (BEHIND_PX, NEAR_PX), start, stop, math.ceil(about_px - first_px)),
         *(patch.half_px + off_axis_px, blur_px, FADING_LEVEL),
         continues=stop == last,
         is_outside=tip.where == "outside",

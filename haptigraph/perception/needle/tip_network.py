@@ -1,13 +1,11 @@
 """How certain a tip is: a selected tip -> its most probable place, its standard deviation, if it is known.
 
 A small convolutional network reads the pixels along the shaft (`native/tip_network.c`). It learned from
-rendered and simulated needles, degraded in many ways, where their tips are (`make train-tip`). Its
-probabilities are combined with the contrast step that was selected: the step is precise if it is the tip, and
-the network says how probable other places are. Where both leave more than one place open, the tip is not
-known.
+rendered and simulated needles, degraded in many ways, where their tips are (`make train-tip`). It knows how
+precise the selected contrast step is, and gives the probability of that step and of other places. Where the
+tip may be far from their mean, it is not known.
 """
 
-import math
 from importlib import resources
 
 import numpy as np
@@ -22,10 +20,7 @@ from haptigraph.perception.needle.shaft_line import LineFit
 __all__ = ["outside_globe", "shipped_weights", "with_certainty"]
 
 FILE = "tip_network.npy"
-STEP_SD_PX = 0.4  # of a contrast step, without noise
-MISTAKEN = 0.8  # share of contrast steps that are no tip, as far as the network leaves that open
-MAX_ELSEWHERE = 0.3  # probability that a known tip is at none of the network's places
-MAX_SD_MM, MAX_SD_PX = 0.16, 1.4  # of a tip whose place is known; the larger counts, in coarse images
+MAX_FAR = 0.03  # probability that a known tip is far from where it is reported
 OUTSIDE_MM = 0.03  # sd of a contrast step outside the globe
 UNLOCATED_MM = 1.6  # where contrast is lost without a step: the point goes on, too thin or too faint
 
@@ -43,13 +38,10 @@ def with_certainty(
         weights: What the network has learned, (n,).
     """
     window = tip_window(strip, fit.offset_px, fit.slope, tip.u_px, px_per_mm)
-    places = tip_places(weights, window, strip.noise_grey)
-    step_sd_mm = math.hypot(tip.sd_px, STEP_SD_PX) / px_per_mm
-    beyond_mm, sd_mm = tip_posterior(places, step_sd_mm, MISTAKEN)
-    max_sd_mm = max(MAX_SD_MM, MAX_SD_PX / px_per_mm)
-    is_known = sd_mm <= max_sd_mm and float(places[-1]) <= MAX_ELSEWHERE
+    places = tip_places(weights, window, (strip.noise_grey, px_per_mm, tip.sd_px))
+    beyond_mm, sd_mm, far = tip_posterior(places, px_per_mm)
     u_px = tip.u_px + beyond_mm * px_per_mm
-    return replace(tip, u_px=u_px, shift_sd_px=sd_mm * px_per_mm, is_known=is_known)
+    return replace(tip, u_px=u_px, shift_sd_px=sd_mm * px_per_mm, is_known=far <= MAX_FAR)
 
 
 def outside_globe(tip: TipEstimate, px_per_mm: float) -> TipEstimate:

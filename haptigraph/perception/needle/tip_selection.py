@@ -17,16 +17,7 @@ from haptigraph.perception.needle.coarse_tip import TipEstimate, may_reach_wall
 from haptigraph.perception.needle.focus import Focus
 from haptigraph.perception.needle.rectify import EyeGeometry, Line, RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
-from haptigraph.perception.needle.shaft_profile import ShaftProfile
-from haptigraph.perception.needle.sharp_tip import (
-    MAX_DIM_PX,
-    MIN_DIM_PX,
-    continues,
-    dim_end_px,
-    is_bright,
-    is_clear_end,
-    sharp_end,
-)
+from haptigraph.perception.needle.sharp_tip import continues, is_bright, is_clear_end, sharp_end
 from haptigraph.perception.needle.subpixel_tip import covers_tip, refine_tip, tip_patch_px
 from haptigraph.perception.needle.tip_network import outside_globe, shipped_weights, with_certainty
 
@@ -40,9 +31,7 @@ SHARP_END_PX = 2.5  # between the end of what is sharp and the contrast step the
 CENTERED_PX = 2.0  # a tip further beyond the middle of its patch is refined again
 COLORED_PX, COLORED_SHARE = 1.0, 0.5  # of a shaft that continues beyond a contrast step, in colour
 FAINT = 0.3  # of a step's contrast: least colour of its shaft that is followed
-DOUBTED_SHARE = 0.3  # of a shaft that may continue
 COLORED_SD_PX = 3.0
-DIM_BEHIND_PX = 6  # of a dim point, over which its contrast is measured
 
 BESIDE_MM = 4.0  # of the trocar
 UNJUDGED_MM = 0.03  # sd of a tip that the network has not judged: that of closed jaws
@@ -145,8 +134,7 @@ class TipSelector:
         step = self._expected_step(image, detection, tip, expected_px, edges_end_px)
         if step is None or step.u_px <= rim_px:
             step = self._contrast_step(image, detection, tip, edges_end_px, rim_px)
-        end = self._colored_end(image, detection, tip, step)
-        return end or self._profiled_end(image, detection, tip, step) or step
+        return self._colored_end(image, detection, tip, step) or step
 
     def _colored_end(
         self, image: Image, detection: Detection, tip: TipEstimate, step: TipEstimate
@@ -156,23 +144,6 @@ class TipSelector:
             return None
         end = self._refine(image, detection, tip, tip.u_px, uses_chroma=True)
         return end if end and end.u_px > step.u_px else replace(tip, sd_px=COLORED_SD_PX)
-
-    def _profiled_end(
-        self, image: Image, detection: Detection, tip: TipEstimate, step: TipEstimate
-    ) -> TipEstimate | None:
-        """Return the end of a shaft whose profile continues beyond a contrast step; None if it does not."""
-        if tip.where != "inside" or tip.u_px - step.u_px <= NEAR_PX:
-            return None
-        strip, profile = detection.candidate.strip, self._profile(detection)
-        goes_on = (
-            profile.continues(step.u_px)
-            or (is_bright(strip, step.u_px, tip.u_px) and profile.is_seen(step.u_px, tip.u_px))
-            or profile.rims_continue(step.u_px, tip.u_px)
-        )
-        if not goes_on:
-            return None
-        end = self._refine(image, detection, tip, tip.u_px)
-        return end if end and end.u_px > step.u_px else None
 
     def _contrast_step(
         self, image: Image, detection: Detection, tip: TipEstimate, edges_end_px: float, rim_px: float
@@ -261,43 +232,18 @@ class TipSelector:
             return replace(tip, is_known=False) if continues(strip, tip.u_px, wall_px) else tip
         if tip.where != "inside":
             return tip
-        until_px = detection.candidate.tip.u_px
-        may_go_on = until_px - tip.u_px > NEAR_PX and _own_color_share(strip, tip, until_px) >= DOUBTED_SHARE
         if self._weights is None:
-            tip = replace(tip, shift_sd_px=UNJUDGED_MM * self._eye.px_per_mm)
-        else:
-            tip = with_certainty(strip, fit, tip, self._eye.px_per_mm, self._weights)
-        return replace(tip, is_known=False) if may_go_on else tip
+            return replace(tip, shift_sd_px=UNJUDGED_MM * self._eye.px_per_mm)
+        return with_certainty(strip, fit, tip, self._eye.px_per_mm, self._weights)
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:
-        """Return the end of a shaft that its shadow continues, None if none does.
-
-        What fades beyond that end may be a soft point as well.
-        """
+        """Return the end of a shaft that its shadow continues, None if none does."""
         strip = detection.candidate.strip
         end = sharp_end(strip, tip) if tip.where == "inside" else None
         if end is None or _continues_colored(strip, end, tip.u_px):
             return None
-        profile = self._profile(detection)
-        if profile.rims_continue(end.u_px, tip.u_px) or profile.fades(end.u_px, tip.u_px):
-            return None
         step = self._refine(image, detection, end, end.u_px)
         return step if step and abs(step.u_px - end.u_px) < SHARP_END_PX else end
-
-    def _profile(self, detection: Detection) -> ShaftProfile:
-        return ShaftProfile(detection.candidate.strip, detection.fit, self._eye.px_per_mm)
-
-    def dim_point(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:
-        """Return the end of a point that gets dim before its end, None if it does not."""
-        dim_px = detection.candidate.tip.u_px - tip.u_px
-        if tip.where != "inside" or not MIN_DIM_PX <= dim_px <= MAX_DIM_PX:
-            return None
-        patches = self._background.rectify(image, detection.line, tip_patch_px(tip.u_px, MAX_DIM_PX))
-        end_px = dim_end_px(patches[0], tip) if patches else None
-        if patches is None or end_px is None:
-            return None
-        blur_px = self._blur_px(detection)
-        return refine_tip(patches[0], tip, end_px, blur_px=blur_px, behind_px=(DIM_BEHIND_PX,))
 
     def _blur_px(self, detection: Detection) -> float:
         """Return the blur of the shaft's edges, which motion across it adds to, or else of the picture."""
@@ -317,14 +263,7 @@ def _continues_colored(strip: RectifiedStrip, step: TipEstimate, to_px: float) -
     """
     if to_px - step.u_px <= COLORED_PX:
         return False
-    share = colored_share(strip, _between(strip, step.u_px, to_px), step.contrast_grey)
-    return max(share, _own_color_share(strip, step, to_px)) >= COLORED_SHARE
-
-
-def _own_color_share(strip: RectifiedStrip, tip: TipEstimate, until_px: float) -> float:
-    return colored_share(strip, _between(strip, tip.u_px, until_px), FAINT * tip.contrast_grey, own=True)
-
-
-def _between(strip: RectifiedStrip, from_px: float, until_px: float) -> slice:
-    start, stop = (int(strip.u_px.searchsorted(px)) for px in (from_px, until_px))
-    return slice(start, stop)
+    beyond = slice(*(int(strip.u_px.searchsorted(px)) for px in (step.u_px, to_px)))
+    share = colored_share(strip, beyond, step.contrast_grey)
+    own_share = colored_share(strip, beyond, FAINT * step.contrast_grey, own=True)
+    return max(share, own_share) >= COLORED_SHARE

@@ -257,7 +257,7 @@ class Tracker:
         tip = self._tip_selector.select(image, detection, expected_px)
         end = self._tip_selector.before_shadow(image, detection, tip)
         if end is None:
-            return replace(detection, tip=self._tip_selector.dim_point(image, detection, tip) or tip)
+            return replace(detection, tip=tip)
         candidate = detection.candidate
         without_shadow = self._fit_shaft_line(replace(candidate, tip=end), candidate.strip.half_px)
         return without_shadow or replace(detection, tip=end)

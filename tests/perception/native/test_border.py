@@ -235,16 +235,16 @@ WRAPPERS = {
     ),
     "contrast_centroid": (strip.contrast_centroid, lambda: [make_strip(), 3, 30, slice(5, 40)]),
     "estimate_coarse_tip": (strip.estimate_coarse_tip, lambda: [make_strip(), 0.0, -math.inf, 5.0]),
-    "profile_share": (
-        strip.profile_share,
-        lambda: [make_strip(chroma=excess()), 0.5, 0.02, 9, slice(13, 30), slice(40, 45)],
-    ),
     "tip_window": (tip_network.tip_window, lambda: [make_strip(), 0.5, 0.02, 40.0, 20.0]),
     "tip_places": (
         tip_network.tip_places,
-        lambda: [np.ones(tip_network.WEIGHTS, np.float32), np.ones(tip_network.VALUES, np.float32), 2.0],
+        lambda: [
+            np.ones(tip_network.WEIGHTS, np.float32),
+            np.ones(tip_network.VALUES, np.float32),
+            (2.0, 20.0, 0.2),
+        ],
     ),
-    "tip_posterior": (tip_network.tip_posterior, lambda: [np.ones(tip_network.PLACES + 1), 0.1, 0.5]),
+    "tip_posterior": (tip_network.tip_posterior, lambda: [np.ones(tip_network.KINDS), 20.0]),
     "fit_line": (strip.fit_line, lambda: [make_strip(), 50.0, 9.0, APPEARANCE]),
     "refine_tip": (
         lambda *arguments: strip.refine_tip(*arguments[:8], **dict(zip(FLAGS, arguments[8:], strict=True))),
@@ -338,8 +338,6 @@ def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
         lambda: strip.estimate_coarse_tip(shown, number, number, abs(number)),
         lambda: strip.fit_line(shown, number, abs(number), (number, 0.1, station, number, math.nan)),
         lambda: strip.fit_line(shown, math.inf, 16.0, APPEARANCE),
-        lambda: strip.profile_share(shown, number, number, station, slice(0, station), part),
-        lambda: strip.profile_share(shown, 0.5, number, 8, part, slice(0, station)),
         lambda: tip_network.tip_window(shown, number, 0.1, number, abs(number)),
         lambda: tip_network.tip_window(shown, 0.5, number, station, 20.0),
         lambda: refine(shown, (12, station), 0, stop, station, number, 0.1, 0.3, True, False, True),

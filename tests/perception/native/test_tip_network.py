@@ -7,6 +7,7 @@ import pytest
 from drawn_strip import END_PX, HALF_PX, U_PX, needle, strip
 
 from haptigraph.perception.native.tip_network import (
+    KINDS,
     PLACES,
     STATIONS,
     VALUES,
@@ -18,7 +19,7 @@ from haptigraph.perception.native.tip_network import (
 from training.tip_shape import ACROSS, BEHIND, LANE_MM, SIDE, STEP_MM
 
 PX_PER_MM = 20.0
-FEATURES, TAPS, LAYERS = 16, 5, 4
+FEATURES, TAPS, LAYERS = 24, 5, 4
 LANES = np.arange(-HALF_PX, HALF_PX + 1)[:, None]
 
 
@@ -45,7 +46,7 @@ def test_nothing_is_seen_beyond_the_globe():
     assert not tip_window(near, 0.0, 0.0, 1e9, PX_PER_MM).any()
 
 
-def expected_places(weights, window, noise_grey):
+def expected_places(weights, window, context):
     """The network's definition, in NumPy."""
     at = 0
 
@@ -58,8 +59,10 @@ def expected_places(weights, window, noise_grey):
     channels = rows[:-1].reshape(3, ACROSS, STATIONS)
     contrast = np.sqrt(np.square(channels[:, :, : BEHIND - 4]).mean(axis=(1, 2)))
     unit = contrast[0] + 0.5 * contrast[2] + 1
-    noise = np.full((1, STATIONS), math.log((noise_grey + 1) / unit))
-    given = np.concatenate([np.clip(rows[:-1] / unit, -4, 4), rows[-1:], noise])
+    noise_grey, px_per_mm, sd_px = context
+    whole = np.log([(noise_grey + 1) / unit, px_per_mm / 18, sd_px + 0.1])[:, None].repeat(STATIONS, 1)
+    is_step = np.arange(STATIONS)[None] == BEHIND
+    given = np.concatenate([np.clip(rows[:-1] / unit, -4, 4), rows[-1:], whole, is_step])
     features = np.maximum(take(FEATURES, len(given)) @ given + take(FEATURES)[:, None], 0)
     layers = take(LAYERS, FEATURES, FEATURES, TAPS), take(LAYERS, FEATURES)
     for n, (layer, bias) in enumerate(zip(*layers, strict=True)):
@@ -70,7 +73,8 @@ def expected_places(weights, window, noise_grey):
         features = features + np.maximum(sums, 0)
     places = take(FEATURES) @ features + take(1)
     elsewhere = take(FEATURES) @ features.max(axis=1) + take(1)
-    logits = np.append(places[BEHIND - PLACES // 2 : BEHIND + PLACES // 2], elsewhere)
+    steps = take(2, FEATURES) @ features[:, BEHIND] + take(2)
+    logits = np.concatenate([places[BEHIND - PLACES // 2 : BEHIND + PLACES // 2], elsewhere, steps])
     assert at == WEIGHTS == len(weights)
     exponentials = np.exp(logits - logits.max())
     return exponentials / exponentials.sum()
@@ -81,36 +85,50 @@ def test_the_places_are_those_of_the_networks_definition(seed):
     rng = np.random.default_rng(seed)
     weights = rng.normal(0, 0.15, WEIGHTS).astype(np.float32)
     window = rng.normal(0, 20, VALUES).astype(np.float32)
-    expected = expected_places(weights, window, 3.0)
-    places = tip_places(weights, window.copy(), 3.0)
+    expected = expected_places(weights, window, (3.0, 15.0, 0.2))
+    places = tip_places(weights, window.copy(), (3.0, 15.0, 0.2))
     assert places == pytest.approx(expected, rel=1e-3, abs=1e-6)
     assert places.sum() == pytest.approx(1)
 
 
 def at_places(*numbers):
-    places = np.zeros(PLACES + 1)
+    places = np.zeros(KINDS)
     for number in numbers:
-        places[number] = 1 / len(numbers)
+        places[number] += 1 / len(numbers)
     return places
 
 
-def test_a_network_that_agrees_leaves_a_step_where_it_is_and_certain():
-    beyond_mm, sd_mm = tip_posterior(at_places(PLACES // 2), 0.04, 0.5)
-    assert beyond_mm == pytest.approx(0, abs=0.005)
-    assert sd_mm < 0.04
+MIDDLE, NOWHERE, PRECISE, COARSE = PLACES // 2, PLACES, PLACES + 1, PLACES + 2
+
+
+def test_a_contrast_step_that_is_the_tip_stays_and_is_as_certain_as_it_is_precise():
+    beyond_mm, sd_mm, far = tip_posterior(at_places(PRECISE), PX_PER_MM)
+    assert (beyond_mm, far) == (0, 0)
+    assert sd_mm == pytest.approx(0.3 / PX_PER_MM)
+    assert tip_posterior(at_places(COARSE), PX_PER_MM)[1] == pytest.approx(1.0 / PX_PER_MM)
 
 
 def test_a_network_that_is_sure_of_another_place_moves_the_tip_there():
-    beyond_mm, sd_mm = tip_posterior(at_places(PLACES // 2 + 5), 0.04, 0.5)
-    assert beyond_mm == pytest.approx(5 * STEP_MM, abs=0.01)
-    assert sd_mm < 0.06
+    beyond_mm, sd_mm, far = tip_posterior(at_places(MIDDLE + 5), PX_PER_MM)
+    assert beyond_mm == pytest.approx(5 * STEP_MM)
+    assert sd_mm == pytest.approx(0.05)
+    assert far == pytest.approx(0, abs=1e-9)
 
 
-def test_two_places_leave_a_tip_uncertain_between_them():
-    beyond_mm, sd_mm = tip_posterior(at_places(PLACES // 2 + 4, PLACES // 2 + 12), 0.04, 0.5)
-    assert beyond_mm == pytest.approx(8 * STEP_MM, abs=0.02)
-    assert sd_mm == pytest.approx(4 * STEP_MM, rel=0.1)
+def test_two_places_near_each_other_leave_a_tip_uncertain_between_them():
+    beyond_mm, sd_mm, far = tip_posterior(at_places(MIDDLE + 2, MIDDLE + 6), PX_PER_MM)
+    assert beyond_mm == pytest.approx(4 * STEP_MM)
+    assert sd_mm == pytest.approx(math.hypot(2 * STEP_MM, 0.05))
+    assert far == pytest.approx(0, abs=1e-9)
 
 
-def test_a_tip_that_may_be_anywhere_is_as_uncertain_as_the_network_reaches():
-    assert tip_posterior(at_places(PLACES), 0.04, 1.0)[1] > 0.4
+def test_what_is_far_from_the_mean_or_nowhere_is_probably_far():
+    assert tip_posterior(at_places(*[MIDDLE] * 9, MIDDLE + 10), PX_PER_MM)[2] > 0.05
+    assert tip_posterior(at_places(MIDDLE, NOWHERE), PX_PER_MM)[2] == pytest.approx(0.5)
+    assert tip_posterior(at_places(NOWHERE), PX_PER_MM) == (0, 0, 1)
+
+
+def test_in_a_coarse_image_two_and_a_half_pixels_are_not_far():
+    places = at_places(MIDDLE, MIDDLE + 9)
+    assert tip_posterior(places, PX_PER_MM)[2] == pytest.approx(1)
+    assert tip_posterior(places, 5.0)[2] == pytest.approx(0, abs=1e-9)

@@ -1,12 +1,10 @@
-import cv2
 import numpy as np
 import pytest
 from drawn_strip import END_PX, LANES, SHADOW, U_PX, blurred, needle, strip
 
 from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.rectify import STATION_PX
-from haptigraph.perception.needle.sharp_tip import continues, dim_end_px, is_clear_end, sharp_end
-from haptigraph.perception.needle.subpixel_tip import refine_tip
+from haptigraph.perception.needle.sharp_tip import continues, is_clear_end, sharp_end
 
 
 @pytest.mark.parametrize("half_width_px", [1.5, 3.0, 8.0])
@@ -57,33 +55,13 @@ def test_a_tip_right_behind_the_wall_is_left_alone(tip_px):
     assert sharp_end(strip(needle(3.0, tip_px)), TipEstimate("inside", tip_px, 10.0)) is None
 
 
-@pytest.mark.parametrize("half_width_px", [2.0, 4.0])
-@pytest.mark.parametrize("dim_px", [7, 12])
-@pytest.mark.parametrize("grey", [-60.0, 60.0])
-def test_follows_a_point_that_gets_dim_to_its_end(half_width_px, dim_px, grey):
-    u_px = np.arange(100, 170, dtype=np.float32)
-    across = np.clip(half_width_px + 0.5 - abs(LANES), 0, 1)
-    lit = np.where(u_px <= END_PX - dim_px, 1, 0.45) * (u_px <= END_PX)
-    shaft = strip(cv2.GaussianBlur(grey * across * lit, (0, 0), 0.8), u_px)
-    tip = TipEstimate("inside", END_PX - dim_px, 100.0, contrast_grey=60.0)
-    end_px = dim_end_px(shaft, tip)
-    assert end_px == pytest.approx(END_PX, abs=1.5)
-    end = refine_tip(shaft, tip, end_px, behind_px=(6,))
-    assert end.u_px == pytest.approx(END_PX, abs=1.2)
-
-
-@pytest.mark.parametrize("shadow_grey", [-15.0, -30.0])
-def test_a_shadow_is_no_dim_point(shadow_grey):
-    u_px = np.arange(100, 170, dtype=np.float32)
-    across = np.clip(3.5 - abs(LANES), 0, 1)
-    shaded = np.minimum(-60 * across * (u_px <= END_PX), shadow_grey * SHADOW * (u_px <= END_PX + 10))
-    tip = TipEstimate("inside", END_PX, 100.0, contrast_grey=60.0)
-    assert dim_end_px(strip(shaded, u_px), tip) is None
-
-
-def test_a_shaft_that_ends_at_its_contrast_step_has_no_dim_point():
-    tip = TipEstimate("inside", END_PX, 100.0, contrast_grey=40.0)
-    assert dim_end_px(strip(needle(3.0)), tip) is None
+def test_the_end_of_what_is_sharp_has_the_certainty_of_its_contrast():
+    shaft = needle(4, grey=-60.0)
+    shadow = -30.0 * np.exp(-((LANES / 9) ** 2)) * (U_PX <= END_PX + 80)
+    drawn = strip(np.minimum(shaft, shadow))
+    end = sharp_end(drawn, TipEstimate("inside", END_PX + 80, 100.0))
+    assert end is not None and end.u_px == pytest.approx(END_PX, abs=3.0)
+    assert end.contrast_grey == pytest.approx(60, abs=15)
 
 
 @pytest.mark.parametrize("beyond_grey", [-30.0, -90.0])

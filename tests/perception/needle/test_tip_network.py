@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from drawn_strip import END_PX, LANES, STATION_PX, U_PX, blurred, needle, strip
+from drawn_strip import END_PX, STATION_PX, blurred, needle, strip
 from msgspec.structs import replace
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.shaft_line import fit_line
-from haptigraph.perception.needle.sharp_tip import sharp_end
 from haptigraph.perception.needle.tip_network import outside_globe, shipped_weights, with_certainty
 from haptigraph.perception.needle.tracker import Tracker
 from haptigraph.registration.loading import parse_registration
@@ -50,15 +49,6 @@ def test_a_tip_far_before_the_end_of_its_shaft_is_not_known():
 def test_a_faint_end_is_less_certain():
     plain, faint = certain(needle(4)), certain(needle(4, grey=-5.0))
     assert not faint.is_known or faint.shift_sd_px > plain.shift_sd_px
-
-
-def test_the_end_of_what_is_sharp_has_the_certainty_of_its_contrast():
-    shaft = needle(4, grey=-60.0)
-    shadow = -30.0 * np.exp(-((LANES / 9) ** 2)) * (U_PX <= END_PX + 80)
-    drawn = strip(np.minimum(shaft, shadow))
-    end = sharp_end(drawn, TipEstimate("inside", END_PX + 80, 100.0))
-    assert end is not None and end.u_px == pytest.approx(END_PX, abs=3.0)
-    assert end.contrast_grey == pytest.approx(60, abs=15)
 
 
 def test_a_shaft_that_the_strip_hardly_shows_has_a_certainty():

@@ -1,0 +1,132 @@
+"""Windows from scenes drawn by lot: what `make render-tips` rendered about tips -> windows, true tips.
+
+Few scenes can be rendered whole. Of a drawn scene there is only what is about each tip, so the tracker cannot
+follow the needle: the shaft's line is the true one, as far off as the tracker's usually is.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.random import Generator
+
+from benchmarks import degraded
+from haptigraph.config import PerceptionConfig
+from haptigraph.geometry import Vec, subtract
+from haptigraph.messages import Image
+from haptigraph.perception.needle.rectify import EyeGeometry, Line
+from haptigraph.perception.needle.tip_selection import Detection
+from haptigraph.registration.loading import parse_camera_registration
+from rendering.labels import registration_of
+from rendering.layout import HEIGHT_PX, WIDTH_PX, Box, Layout, Placed
+from rendering.lot import drawn_scene
+from rendering.pack import Sensor, write_clip
+from rendering.path import Pose
+from rendering.tips import FOLDER, box_px, file_of, needle_name, poses_of, union_px
+from training.tip_windows import VARIANTS, Follower, Window, Windows
+
+__all__ = ["is_rendered", "of_drawn"]
+
+AWAY_IMAGES = 2  # the background, and what is beside each rendered part
+OFFSET_SD_PX, ANGLE_SD_DEG = 1.0, 0.15  # of the line that the tracker expects
+EXPECTED_SD_MM, LOST_SD_MM, LOST = 0.2, 0.8, 0.2  # of the expected tip, mostly, and the share of others
+INSET_PX = 8  # of a part's margin, which blur makes different
+
+
+def is_rendered(number: int) -> bool:
+    """Return whether all images of a drawn scene were rendered."""
+    needles = range(len(poses_of(Layout(drawn_scene(number)))))
+    names = ["around", "empty", *(needle_name(at) for at in needles)]
+    return all(file_of(number, name).exists() for name in names)
+
+
+def of_drawn(number: int) -> Windows:
+    """Return the windows of one drawn scene, in all variants."""
+    layout, clip = Layout(drawn_scene(number)), FOLDER / f"{number:04d}"
+    poses = poses_of(layout)
+    write_clip(clip / "clip.mp4", _images(number, layout, poses))
+    captures = degraded.captures_of(clip, "full", degraded.unchanged)
+    images = [np.asarray(capture.image, np.uint8) for capture in captures]
+    placed = [layout.placed(pose) for pose in poses]
+    windows = (_of_variant(layout, placed, images, variant) for variant in VARIANTS)
+    return Windows.of(chain.from_iterable(windows))
+
+
+def _images(number: int, layout: Layout, poses: Sequence[Pose]) -> Iterator[Image]:
+    """Yield the images of a clip: the empty eye, then each needle in it."""
+    around = cv2.resize(_read(number, "around"), (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_CUBIC)
+    boxes = [box_px(layout, layout.placed(pose)) for pose in poses]
+    empty = _with_part(around, _read(number, "empty"), union_px(boxes))
+    sensor = Sensor(layout.scene.seed)
+    for _ in range(AWAY_IMAGES):
+        yield sensor(empty)
+    for at, box in enumerate(boxes):
+        yield sensor(_with_part(empty, _read(number, needle_name(at)), box))
+
+
+def _read(number: int, name: str) -> Image:
+    return np.asarray(cv2.imread(str(file_of(number, name))), np.uint8)
+
+
+def _with_part(image: Image, part: Image, box: Box, inset_px: int = 1) -> Image:
+    """Return an image with a part in its place, without the part's margin."""
+    left, top, right, bottom = box
+    inner = np.s_[inset_px:-inset_px, inset_px:-inset_px]
+    whole = image.copy()
+    whole[top:bottom, left:right][inner] = part[: bottom - top, : right - left][inner]
+    return whole
+
+
+def _of_variant(
+    layout: Layout, placed: Sequence[Placed], images: Sequence[Image], variant: str
+) -> Iterator[Window]:
+    """Yield the windows of all needles of a scene in one variant."""
+    rng, degrade = np.random.default_rng([layout.scene.seed, *variant.encode()]), VARIANTS[variant]
+    smaller, registration = 1, parse_camera_registration(registration_of(layout), "the scene's registration")
+    if variant.startswith("half"):
+        smaller, registration = 2, degraded.halved_registration(registration, Path(variant))
+    follower = _Follower(registration, PerceptionConfig(), uses_network=False)
+    follower.begin(degrade(images[0], rng))
+    beside = degrade(images[1], rng)
+    for each, image in zip(placed, images[AWAY_IMAGES:], strict=True):
+        left, top, right, bottom = box_px(layout, each)
+        part = degrade(image[top:bottom, left:right], rng)
+        box = left // smaller, top // smaller, right // smaller, bottom // smaller
+        shown = _with_part(beside, part, box, INSET_PX // smaller)
+        ends_px = [layout.to_px(at_mm, each.behind_mm) for at_mm in (layout.eye.trocar_mm, each.axis_mm)]
+        tip_px = layout.to_px(each.tip_mm, each.behind_mm)
+        if smaller == 2:
+            ends_px, tip_px = [degraded.halved_px(at_px) for at_px in ends_px], degraded.halved_px(tip_px)
+        yield from follower.windows(follower.measured(shown, ends_px, rng), tip_px, rng)
+
+
+class _Follower(Follower):
+    """A tracker that is given about where a needle is."""
+
+    def begin(self, image: Image) -> None:
+        """Begin with the empty eye."""
+        self._background.learn(image, None, 0)
+
+    def measured(self, image: Image, ends_px: Sequence[Vec], rng: Generator) -> Detection | None:
+        """Return what it measures of the needle whose axis has these ends."""
+        line = _line(self._eye, ends_px, rng)
+        (x, y), (dx, dy) = line.at_px(self._eye.trocar_px, 0.0), line.direction
+        depth_px = (ends_px[1][0] - x) * dx + (ends_px[1][1] - y) * dy
+        sd_mm = LOST_SD_MM if rng.random() < LOST else EXPECTED_SD_MM
+        self._focus.measure(image)
+        detection = self._track(image, line, depth_px + rng.normal(0, sd_mm) * self._eye.px_per_mm)
+        self._update_filter(detection)
+        return detection
+
+
+def _line(eye: EyeGeometry, ends_px: Sequence[tuple[float, float]], rng: Generator) -> Line:
+    """Return the line through two points, a little off."""
+    (x, y), (dx, dy) = ends_px[0], subtract(ends_px[1], ends_px[0])
+    angle_rad = math.atan2(dy, dx)
+    off_x, off_y = x - eye.trocar_px[0], y - eye.trocar_px[1]
+    offset_px = off_y * math.cos(angle_rad) - off_x * math.sin(angle_rad)
+    turned_rad = math.radians(rng.normal(0, ANGLE_SD_DEG))
+    return Line(angle_rad + turned_rad, float(offset_px + rng.normal(0, OFFSET_SD_PX)))
