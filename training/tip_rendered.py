@@ -1,7 +1,7 @@
 """Windows from scenes drawn by lot: what `make render-tips` rendered about tips -> windows, true tips.
 
 Few scenes can be rendered whole. Of a drawn scene there is only what is about each tip, so the tracker cannot
-follow the needle: the shaft's line is the true one, as far off as the tracker's usually is.
+follow the needle. It expects each one about where it truly is; then it measures and selects as always.
 """
 
 import math
@@ -104,7 +104,7 @@ def _of_variant(
 
 
 class _Follower(Follower):
-    """A tracker that is given about where a needle is."""
+    """A tracker that expects each needle about where it truly is."""
 
     def begin(self, image: Image) -> None:
         """Begin with the empty eye."""

@@ -12,6 +12,7 @@ from haptigraph.analysis.study.figures.style import (
     TWO_COLUMNS_MM,
     declutter,
     legend_below,
+    legend_rows,
     new_figure,
     paint_of,
     wrapped,
@@ -27,7 +28,8 @@ __all__ = ["person_figure"]
 
 MAX_COLUMNS = 4
 TOP_MM, HEAD_MM, PANEL_MM, GAP_MM, LEFT_MM = 5.0, 8.0, 20.0, 3.0, 13.0
-AXIS_MM, LEGEND_MM, BETWEEN_MM = 9.0, 10.0, 7.0
+AXIS_MM, BETWEEN_MM = 9.0, 7.0
+LEGEND_MM, LEGEND_ROW_MM = 3.0, 3.5
 TRACED = {"theta_deg": "theta (°)", "distance_mm": "distance (mm)"}
 
 
@@ -42,7 +44,10 @@ def person_figure(traces: Traces, shown: Sequence[Trace], names: Mapping[int, st
     """
     columns = min(MAX_COLUMNS, max(2, len(shown)))
     band_mm = HEAD_MM + 2 * PANEL_MM + GAP_MM + AXIS_MM
-    height_mm = TOP_MM + -(-len(shown) // columns) * band_mm + LEGEND_MM
+    states = dict.fromkeys(state for run in shown for _, state in run.states)
+    patches = [Patch(color=paint_of(state).color, alpha=0.6, label=words(state)) for state in states]
+    legend_mm = LEGEND_MM + LEGEND_ROW_MM * legend_rows(patches, TWO_COLUMNS_MM)
+    height_mm = TOP_MM + -(-len(shown) // columns) * band_mm + legend_mm
     figure = new_figure(TWO_COLUMNS_MM, height_mm, note)
     figure.set_layout_engine(None)  # a constrained layout of many panels takes seconds per participant
     step_mm = (TWO_COLUMNS_MM - LEFT_MM) / columns
@@ -62,8 +67,6 @@ def person_figure(traces: Traces, shown: Sequence[Trace], names: Mapping[int, st
         upper.tick_params(labelbottom=False)
         upper.set_title(wrapped(names[run.run], step_mm - BETWEEN_MM), fontsize=SMALL_PT, loc="left", pad=2)
         lower.set_xlabel("time (s)")
-    states = dict.fromkeys(state for run in shown for _, state in run.states)
-    patches = [Patch(color=paint_of(state).color, alpha=0.6, label=words(state)) for state in states]
     legend_below(figure, patches, "lower center")
     return figure
 

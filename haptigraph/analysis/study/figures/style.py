@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FORMATS", "INK", "ONE_COLUMN_MM", "QUIET_INK", "SMALL_PT", "TWO_COLUMNS_MM", "ConditionStyle",
-    "condition_legend", "condition_styles", "declutter", "draw_box", "legend_below", "new_figure", "paint_of",
-    "rendered", "styled", "wrapped",
+    "condition_legend", "condition_styles", "declutter", "draw_box", "legend_below", "legend_rows",
+    "new_figure", "paint_of", "rendered", "styled", "wrapped",
 ]  # fmt: skip
 
 FORMATS = ("png", "svg", "pdf")
@@ -144,10 +144,14 @@ def legend_below(
     where: Literal["outside lower center", "lower center"] = "outside lower center",
 ) -> None:
     """Add a legend below a figure, with as many columns as its width has room for."""
-    longest = max(len(str(handle.get_label())) for handle in handles)
-    fitting = max(1, int(25.4 * figure.get_figwidth() / (LETTER_MM * longest + KEY_MM)))
-    rows = -(-len(handles) // fitting)
+    rows = legend_rows(handles, 25.4 * figure.get_figwidth())
     figure.legend(handles=handles, loc=where, ncols=-(-len(handles) // rows))
+
+
+def legend_rows(handles: Sequence[Patch | Line2D], width_mm: float) -> int:
+    """Return the number of rows of a legend below a figure of some width."""
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    return -(-len(handles) // max(1, int(width_mm / (LETTER_MM * longest + KEY_MM))))
 
 
 def rendered(figure: Figure, formats: Sequence[str] = FORMATS) -> dict[str, bytes]:
