@@ -213,7 +213,7 @@ render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into b
 	done
 
 render-tips: .venv-rendering/ready  ## tips of needles in scenes drawn by lot into build/tips, for make train-tip; 40 minutes
-	.venv-rendering/bin/python -m rendering.render_tips 1 111
+	.venv-rendering/bin/python -m rendering.render_tips
 
 .venv-rig/ready: rig/requirements.txt
 	$(PYTHON) -m venv .venv-rig

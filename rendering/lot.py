@@ -5,7 +5,10 @@ from numpy.random import Generator
 
 from rendering.scene import Bowl, Camera, Color, Instrument, Light, Needle, Scene
 
-__all__ = ["drawn_scene"]
+__all__ = ["LEARNED", "drawn_scene"]
+
+LEARNED = range(1, 111)
+"""Numbers of the scenes that the tip network learns from."""
 
 POINTS, POINT_SHARES = ("cone", "bevel", "round", "blunt"), (0.4, 0.25, 0.2, 0.15)
 SOME = 0.35  # of the scenes have beads, a second instrument, another bottom, a wide pixel filter

@@ -6,6 +6,7 @@ that many scenes take little time.
 
 import math
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,10 +15,14 @@ from rendering.layout import HEIGHT_PX, WIDTH_PX, Box, Layout, Placed
 from rendering.path import BEYOND_MM, Pose
 from rendering.scene import OUTPUT
 
-__all__ = ["FOLDER", "SMALLER", "box_px", "file_of", "needle_name", "poses_of", "union_px"]
+__all__ = ["AROUND", "EMPTY", "FOLDER", "SMALLER", "Part", "box_px", "file_of", "parts_of", "poses_of"]
 
 FOLDER = OUTPUT.parent / "tips"
 """A folder for each scene, with an image of each needle, of the empty eye there, and of all around it."""
+AROUND, EMPTY = "around", "empty"
+"""Names of the images without needle."""
+Part: TypeAlias = tuple[Pose | None, Box | None]
+"""The pose of its needle, and the part of the image; None: none, and all of it."""
 
 DEEP, NEAR_RETINA, NEAR_MM = 8, 4, 1.5  # numbers of needles, and how near the second ones are
 FIRST_MM, MAX_THETA_DEG = 0.8, 8.0
@@ -63,15 +68,13 @@ def box_px(layout: Layout, placed: Placed) -> Box:
     )
 
 
-def union_px(boxes: list[Box]) -> Box:
-    """Return the smallest box that holds several ones."""
+def parts_of(layout: Layout) -> dict[str, Part]:
+    """Return what is rendered of a drawn scene, by the names of the images; the needles come last."""
+    poses = poses_of(layout)
+    boxes = [box_px(layout, layout.placed(pose)) for pose in poses]
+    needles = {f"{number:02d}": part for number, part in enumerate(zip(poses, boxes, strict=True))}
     left, top, right, bottom = zip(*boxes, strict=True)
-    return min(left), min(top), max(right), max(bottom)
-
-
-def needle_name(number: int) -> str:
-    """Return the name of the image of one needle of a scene."""
-    return f"{number:02d}"
+    return {AROUND: (None, None), EMPTY: (None, (min(left), min(top), max(right), max(bottom))), **needles}
 
 
 def file_of(number: int, name: str) -> Path:

@@ -5,7 +5,7 @@ follow the needle. It expects each one about where it truly is; then it measures
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 
@@ -24,8 +24,7 @@ from rendering.labels import registration_of
 from rendering.layout import HEIGHT_PX, WIDTH_PX, Box, Layout, Placed
 from rendering.lot import drawn_scene
 from rendering.pack import Sensor, write_clip
-from rendering.path import Pose
-from rendering.tips import FOLDER, box_px, file_of, needle_name, poses_of, union_px
+from rendering.tips import AROUND, EMPTY, FOLDER, Part, file_of, parts_of
 from training.tip_windows import VARIANTS, Follower, Window, Windows
 
 __all__ = ["is_rendered", "of_drawn"]
@@ -38,42 +37,40 @@ INSET_PX = 8  # of a part's margin, which blur makes different
 
 def is_rendered(number: int) -> bool:
     """Return whether all images of a drawn scene were rendered."""
-    needles = range(len(poses_of(Layout(drawn_scene(number)))))
-    names = ["around", "empty", *(needle_name(at) for at in needles)]
-    return all(file_of(number, name).exists() for name in names)
+    return all(file_of(number, name).exists() for name in parts_of(Layout(drawn_scene(number))))
 
 
 def of_drawn(number: int) -> Windows:
     """Return the windows of one drawn scene, in all variants."""
     layout, clip = Layout(drawn_scene(number)), FOLDER / f"{number:04d}"
-    poses = poses_of(layout)
-    write_clip(clip / "clip.mp4", _images(number, layout, poses))
+    parts = parts_of(layout)
+    write_clip(clip / "clip.mp4", _images(number, layout, parts))
     captures = degraded.captures_of(clip, "full", degraded.unchanged)
     images = [np.asarray(capture.image, np.uint8) for capture in captures]
-    placed = [layout.placed(pose) for pose in poses]
-    windows = (_of_variant(layout, placed, images, variant) for variant in VARIANTS)
+    needles = [(layout.placed(pose), box) for pose, box in parts.values() if pose and box]
+    windows = (_of_variant(layout, needles, images, variant) for variant in VARIANTS)
     return Windows.of(chain.from_iterable(windows))
 
 
-def _images(number: int, layout: Layout, poses: Sequence[Pose]) -> Iterator[Image]:
+def _images(number: int, layout: Layout, parts: Mapping[str, Part]) -> Iterator[Image]:
     """Yield the images of a clip: the empty eye, then each needle in it."""
-    around = cv2.resize(_read(number, "around"), (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_CUBIC)
-    boxes = [box_px(layout, layout.placed(pose)) for pose in poses]
-    empty = _with_part(around, _read(number, "empty"), union_px(boxes))
-    sensor = Sensor(layout.scene.seed)
+    around = cv2.resize(_read(number, AROUND), (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_CUBIC)
+    (_, whole_box), sensor = parts[EMPTY], Sensor(layout.scene.seed)
+    empty = _with_part(around, _read(number, EMPTY), whole_box)
     for _ in range(AWAY_IMAGES):
         yield sensor(empty)
-    for at, box in enumerate(boxes):
-        yield sensor(_with_part(empty, _read(number, needle_name(at)), box))
+    for name, (pose, box) in parts.items():
+        if pose:
+            yield sensor(_with_part(empty, _read(number, name), box))
 
 
 def _read(number: int, name: str) -> Image:
     return np.asarray(cv2.imread(str(file_of(number, name))), np.uint8)
 
 
-def _with_part(image: Image, part: Image, box: Box, inset_px: int = 1) -> Image:
+def _with_part(image: Image, part: Image, box: Box | None, inset_px: int = 1) -> Image:
     """Return an image with a part in its place, without the part's margin."""
-    left, top, right, bottom = box
+    left, top, right, bottom = box or (0, 0, WIDTH_PX, HEIGHT_PX)
     inner = np.s_[inset_px:-inset_px, inset_px:-inset_px]
     whole = image.copy()
     whole[top:bottom, left:right][inner] = part[: bottom - top, : right - left][inner]
@@ -81,7 +78,7 @@ def _with_part(image: Image, part: Image, box: Box, inset_px: int = 1) -> Image:
 
 
 def _of_variant(
-    layout: Layout, placed: Sequence[Placed], images: Sequence[Image], variant: str
+    layout: Layout, needles: Sequence[tuple[Placed, Box]], images: Sequence[Image], variant: str
 ) -> Iterator[Window]:
     """Yield the windows of all needles of a scene in one variant."""
     rng, degrade = np.random.default_rng([layout.scene.seed, *variant.encode()]), VARIANTS[variant]
@@ -91,8 +88,7 @@ def _of_variant(
     follower = _Follower(registration, PerceptionConfig(), uses_network=False)
     follower.begin(degrade(images[0], rng))
     beside = degrade(images[1], rng)
-    for each, image in zip(placed, images[AWAY_IMAGES:], strict=True):
-        left, top, right, bottom = box_px(layout, each)
+    for (each, (left, top, right, bottom)), image in zip(needles, images[AWAY_IMAGES:], strict=True):
         part = degrade(image[top:bottom, left:right], rng)
         box = left // smaller, top // smaller, right // smaller, bottom // smaller
         shown = _with_part(beside, part, box, INSET_PX // smaller)

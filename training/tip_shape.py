@@ -1,8 +1,26 @@
-"""The shape of the tip network's window, as in `tip_network.c` and `tip_network.h`."""
+"""The shape of the tip network, as in `tip_network.c` and `tip_network.h`: window, layers, distribution."""
 
-__all__ = ["ACROSS", "BEHIND", "CHANNELS", "LANE_MM", "SIDE", "STEP_MM"]
+__all__ = [
+    "ACROSS",
+    "BEHIND",
+    "CHANNELS",
+    "CONTEXT",
+    "FEATURES",
+    "LANE_MM",
+    "LAYERS",
+    "MIN_SD_PX",
+    "PLACE_SD_MM",
+    "SIDE",
+    "STEP_MM",
+    "STEP_SD_PX",
+    "TAPS",
+    "USUAL_PX_PER_MM",
+]
 
 STEP_MM, BEHIND = 0.08, 50  # between stations; stations before the apparent tip
 LANE_MM, SIDE = 0.05, 8  # between lanes; lanes on either side of the shaft's middle
 ACROSS = 2 * SIDE + 1
-CHANNELS = 3
+CHANNELS, CONTEXT = 3, 3
+FEATURES, TAPS, LAYERS = 24, 5, 4
+USUAL_PX_PER_MM, MIN_SD_PX = 18.0, 0.1
+PLACE_SD_MM, STEP_SD_PX = 0.05, (0.3, 1.0)

@@ -20,16 +20,28 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from haptigraph.perception.native.tip_network import PLACES, STATIONS, VALUES
+from rendering.lot import LEARNED
 from training.tip_rendered import is_rendered, of_drawn
-from training.tip_shape import ACROSS, BEHIND, CHANNELS, STEP_MM
+from training.tip_shape import (
+    ACROSS,
+    BEHIND,
+    CHANNELS,
+    CONTEXT,
+    FEATURES,
+    LAYERS,
+    MIN_SD_PX,
+    PLACE_SD_MM,
+    STEP_MM,
+    STEP_SD_PX,
+    TAPS,
+    USUAL_PX_PER_MM,
+)
 from training.tip_windows import Windows, of_scene
 
 __all__ = ["TipNet", "train", "write"]
 
 ROOT = Path(__file__).parent.parent
 FILE = ROOT / "haptigraph" / "models" / "tip_network.npy"
-DRAWN = range(1, 111)
-"""Numbers of the rendered scenes. No scene with a name was used, so all of them can tell what it is worth."""
 SEED = 26
 SCENES = 66
 SIZES_PX = {
@@ -38,13 +50,11 @@ SIZES_PX = {
     **dict.fromkeys((606, 609), (400, 225)),
 }
 """Image sizes of the simulated scenes, by seed."""
-FEATURES, TAPS, LAYERS = 24, 5, 4  # as in `tip_network.h`
 SHAFT, COLOR_SHARE, MAX_VALUE = BEHIND - 4, 0.5, 4.0
 SHARES = 0.6, 0.4  # of a batch: rendered and simulated windows
 BATCH, STEPS, RATE, DECAY = 128, 12_000, 4e-3, 1e-3
 KIND_SHARES = 0.6, 0.25, 0.15  # of windows at selected tips, near them, and further off
-PLACE_SD_MM, STEP_SD_PX, ELSEWHERE_MM = 0.05, (0.3, 1.0), 10.0  # as in `tip_network.c`; how wide elsewhere is
-USUAL_PX_PER_MM, MIN_SD_PX, CONTEXT = 18.0, 0.1, 3
+ELSEWHERE_MM = 10.0  # how wide *none of the places* is
 MAX_NOISE, COLOR_NOISE = 0.15, 1.4  # of the contrast; of the colour, in that of the grey
 COLOR_IN_GREY = 0.7  # standard deviation of the share of the colour that is added to the grey
 MAX_SCALE, MAX_LIGHT = 0.3, 0.6  # logarithm of a scale; change of the contrast along a shaft
@@ -99,7 +109,7 @@ def main() -> None:
     torch.set_num_threads(PROCESSORS)  # another number changes the order of sums
     torch.use_deterministic_algorithms(True)
     with ProcessPoolExecutor(PROCESSORS, get_context("spawn")) as pool:
-        rendered = joined(pool.map(of_drawn, DRAWN))
+        rendered = joined(pool.map(of_drawn, LEARNED))
         simulated = joined(pool.map(_of_scene, product(range(SCENES), SIZES_PX.items()), chunksize=11))
     print("rendered and simulated windows:", len(rendered.values), len(simulated.values), flush=True)
     write(train((rendered, simulated), args.steps), args.output)
@@ -123,10 +133,10 @@ def check_rendered() -> None:
     Raises:
         SystemExit: If one is not.
     """
-    missing = [number for number in DRAWN if not is_rendered(number)]
+    missing = [number for number in LEARNED if not is_rendered(number)]
     if missing:
         raise SystemExit(
-            f"train_tip: {len(missing)} of {len(DRAWN)} scenes are not rendered; make render-tips"
+            f"train_tip: {len(missing)} of {len(LEARNED)} scenes are not rendered; make render-tips"
         )
 
 

@@ -76,7 +76,7 @@ def test_without_the_unchanged_trial_there_is_nothing_to_compare_with():
 def test_a_change_of_a_number_changes_the_scores_and_not_the_package(tmp_path, monkeypatch):
     monkeypatch.setattr(ablation, "CACHE", tmp_path)
     clip = ROOT / "tests" / "data" / "renderings" / "golden_thin"
-    number = next(each for each in ablation.numbers(ROOT) if each.name == "MAX_SD_MM")
+    number = next(each for each in ablation.numbers(ROOT) if each.name == "MAX_FAR")
     before = (ROOT / number.file).read_bytes()
     plain, changed = (ablation.run(each, "zero", [clip]) for each in (None, number))
     assert (ROOT / number.file).read_bytes() == before

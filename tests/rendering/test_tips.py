@@ -2,7 +2,7 @@ import pytest
 
 from rendering.layout import HEIGHT_PX, WIDTH_PX, Layout
 from rendering.lot import drawn_scene
-from rendering.tips import DEEP, NEAR_RETINA, box_px, poses_of, union_px
+from rendering.tips import DEEP, EMPTY, NEAR_RETINA, box_px, parts_of, poses_of
 
 
 @pytest.mark.parametrize("number", range(20))
@@ -19,7 +19,8 @@ def test_every_part_lies_in_the_image_and_holds_the_shaft_before_the_tip_and_the
         px_per_mm = layout.scene.camera.px_per_mm
         assert y - top > min(4 * px_per_mm, y - 1)
         assert bottom - y > min(1.5 * px_per_mm, HEIGHT_PX - y - 1)
-    assert all(union_px(boxes)[0] <= left and union_px(boxes)[3] >= bottom for left, _, _, bottom in boxes)
+    _, (first_left, _, _, last_bottom) = parts_of(layout)[EMPTY]
+    assert all(first_left <= left and last_bottom >= bottom for left, _, _, bottom in boxes)
 
 
 def test_the_needles_of_a_scene_are_visible_and_as_before():

@@ -8,7 +8,7 @@ from haptigraph.perception.native.tip_network import STATIONS, VALUES
 from rendering import tips
 from rendering.layout import HEIGHT_PX, WIDTH_PX, Layout
 from rendering.lot import drawn_scene
-from rendering.tips import SMALLER, box_px, file_of, needle_name, poses_of, union_px
+from rendering.tips import EMPTY, SMALLER, file_of, parts_of, poses_of
 from training import tip_rendered
 from training.tip_rendered import is_rendered, of_drawn
 from training.tip_shape import ACROSS, BEHIND, STEP_MM
@@ -27,24 +27,24 @@ def windows(tmp_path_factory):
         chosen = {name: VARIANTS[name] for name in ("full", "half and noisy")}
         patched.setattr(tip_rendered, "VARIANTS", chosen)
         layout = Layout(drawn_scene(NUMBER))
-        poses = poses_of(layout)
-        boxes = [box_px(layout, layout.placed(pose)) for pose in poses]
-        empty = np.full((HEIGHT_PX, WIDTH_PX, 3), (40, 50, 60), np.uint8)
-        file_of(NUMBER, "empty").parent.mkdir()
-        cv2.imwrite(str(file_of(NUMBER, "around")), empty[::SMALLER, ::SMALLER])
-        cv2.imwrite(str(file_of(NUMBER, "empty")), part(empty, union_px(boxes)))
-        assert not is_rendered(NUMBER)
-        for at, (pose, box) in enumerate(zip(poses, boxes, strict=True)):
-            placed = layout.placed(pose)
-            ends = layout.to_px(layout.eye.trocar_mm), layout.to_px(placed.tip_mm, placed.behind_mm)
-            corners = np.rint(np.array(ends) * 16).astype(np.int32)
-            image = cv2.line(empty.copy(), corners[0], corners[1], (190, 190, 190), 7, cv2.LINE_AA, 4)
-            cv2.imwrite(str(file_of(NUMBER, needle_name(at))), part(image, box))
+        ground = np.full((HEIGHT_PX, WIDTH_PX, 3), (40, 50, 60), np.uint8)
+        file_of(NUMBER, EMPTY).parent.mkdir()
+        for name, (pose, box) in parts_of(layout).items():
+            assert not is_rendered(NUMBER)
+            image = ground.copy()
+            if pose:
+                placed = layout.placed(pose)
+                ends = layout.to_px(layout.eye.trocar_mm), layout.to_px(placed.tip_mm, placed.behind_mm)
+                corners = np.rint(np.array(ends) * 16).astype(np.int32)
+                cv2.line(image, corners[0], corners[1], (190, 190, 190), 7, cv2.LINE_AA, 4)
+            cv2.imwrite(str(file_of(NUMBER, name)), part(image, box))
         assert is_rendered(NUMBER)
         yield of_drawn(NUMBER)
 
 
 def part(image, box):
+    if box is None:
+        return image[::SMALLER, ::SMALLER]
     left, top, right, bottom = box
     return image[top:bottom, left:right]
 

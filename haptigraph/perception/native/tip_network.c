@@ -71,18 +71,15 @@ static double contrast(const TipWindow *window, int channel) {
    that are `apart`. */
 static inline void add_rows(const float *first, ptrdiff_t stride, int rows, int taps, ptrdiff_t apart,
                             const float *weights, ptrdiff_t next, float sums[TOGETHER][CHUNK]) {
-    float here[TOGETHER][CHUNK];
-    memcpy(here, sums, sizeof here);
     for (int row = 0; row < rows; row++) {
         for (int tap = 0; tap < taps; tap++) {
             const float *values = first + row * stride + tap * apart;
             for (int feature = 0; feature < TOGETHER; feature++) {
                 const float weight = weights[feature * next + row * taps + tap];
-                for (int n = 0; n < CHUNK; n++) here[feature][n] += weight * values[n];
+                for (int n = 0; n < CHUNK; n++) sums[feature][n] += weight * values[n];
             }
         }
     }
-    memcpy(sums, here, sizeof here);
 }
 
 /* Write the features of each station alone. */
@@ -119,27 +116,21 @@ static void first_layer(const TipWeights *weights, TipWindow *window, const doub
     }
 }
 
-/* Add what each station shows together with those so far before and behind it. */
-static void add_layer(const TipWeights *weights, int layer, Features features) {
-    float sums[FEATURES / TOGETHER][TIP_STATIONS / CHUNK][TOGETHER][CHUNK];
+/* Write the features of each station, with what it shows together with those so far before and behind it. */
+static void add_layer(const TipWeights *weights, int layer, Features before, Features after) {
     const int apart = 1 << layer;
-    for (int group = 0; group < FEATURES / TOGETHER; group++) {
-        for (int chunk = 0; chunk < TIP_STATIONS / CHUNK; chunk++) {
-            const int feature = group * TOGETHER;
+    float sums[TOGETHER][CHUNK];
+    for (int feature = 0; feature < FEATURES; feature += TOGETHER) {
+        for (int from = PADDING; from < PADDING + TIP_STATIONS; from += CHUNK) {
+            for (int k = 0; k < TOGETHER; k++)
+                for (int n = 0; n < CHUNK; n++) sums[k][n] = weights->layer_bias[layer][feature + k];
+            add_rows(before[0] + from - TAPS / 2 * apart, TIP_STATIONS + 2 * PADDING, FEATURES, TAPS, apart,
+                     weights->layer[layer][feature][0], sizeof weights->layer[0][0] / sizeof(float), sums);
             for (int k = 0; k < TOGETHER; k++) {
-                for (int n = 0; n < CHUNK; n++)
-                    sums[group][chunk][k][n] = weights->layer_bias[layer][feature + k];
+                const float *old = before[feature + k] + from;
+                float *written = after[feature + k] + from;
+                for (int n = 0; n < CHUNK; n++) written[n] = old[n] + (sums[k][n] > 0 ? sums[k][n] : 0);
             }
-            const float *first = features[0] + PADDING + chunk * CHUNK - TAPS / 2 * apart;
-            add_rows(first, TIP_STATIONS + 2 * PADDING, FEATURES, TAPS, apart,
-                     weights->layer[layer][feature][0], sizeof weights->layer[0][0] / sizeof(float),
-                     sums[group][chunk]);
-        }
-    }
-    for (int feature = 0; feature < FEATURES; feature++) {
-        for (int n = 0; n < TIP_STATIONS; n++) {
-            const float sum = sums[feature / TOGETHER][n / CHUNK][feature % TOGETHER][n % CHUNK];
-            features[feature][PADDING + n] += sum > 0 ? sum : 0;
         }
     }
 }
@@ -157,10 +148,13 @@ static double weighed(const float *weights, float bias, Features features, int s
    receives a window as `tip_window` writes it, and is changed. */
 VECTORS EXPORT void tip_places(const float *numbers, float *values, const double *context, double *places) {
     const TipWeights *weights = (const TipWeights *)numbers;
-    Features features;
-    memset(features, 0, sizeof features);
-    first_layer(weights, (TipWindow *)values, context, features);
-    for (int layer = 0; layer < LAYERS; layer++) add_layer(weights, layer, features);
+    Features both[2];
+    memset(both, 0, sizeof both);
+    first_layer(weights, (TipWindow *)values, context, both[0]);
+    for (int layer = 0; layer < LAYERS; layer++) {
+        add_layer(weights, layer, both[layer % 2], both[(layer + 1) % 2]);
+    }
+    float (*const features)[TIP_STATIONS + 2 * PADDING] = both[LAYERS % 2];
     double elsewhere = weights->elsewhere_bias, highest, total = 0;
     for (int feature = 0; feature < FEATURES; feature++) {
         float most = features[feature][PADDING];

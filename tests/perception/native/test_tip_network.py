@@ -16,6 +16,7 @@ from haptigraph.perception.native.tip_network import (
     tip_posterior,
     tip_window,
 )
+from training import tip_shape
 from training.tip_shape import ACROSS, BEHIND, LANE_MM, SIDE, STEP_MM
 
 PX_PER_MM = 20.0
@@ -89,6 +90,13 @@ def test_the_places_are_those_of_the_networks_definition(seed):
     places = tip_places(weights, window.copy(), (3.0, 15.0, 0.2))
     assert places == pytest.approx(expected, rel=1e-3, abs=1e-6)
     assert places.sum() == pytest.approx(1)
+
+
+def test_the_network_is_trained_in_the_shape_that_it_has():
+    assert (tip_shape.FEATURES, tip_shape.TAPS, tip_shape.LAYERS) == (FEATURES, TAPS, LAYERS)
+    assert (tip_shape.CONTEXT, tip_shape.USUAL_PX_PER_MM, tip_shape.MIN_SD_PX) == (3, 18, 0.1)
+    sds_mm = [tip_posterior(at_places(kind), PX_PER_MM)[1] for kind in (MIDDLE, PRECISE, COARSE)]
+    assert sds_mm == pytest.approx([tip_shape.PLACE_SD_MM, *np.divide(tip_shape.STEP_SD_PX, PX_PER_MM)])
 
 
 def at_places(*numbers):
