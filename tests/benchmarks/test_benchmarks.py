@@ -91,6 +91,7 @@ def test_every_benchmark_is_tested():
             "bscan_lengths",
             "force_motions",
             "jitter",
+            "rig_setups",
             "touch_trials",
             "volume_gap",
         ),  # parts of others
