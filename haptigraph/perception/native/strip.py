@@ -3,7 +3,6 @@
 import ctypes
 import math
 from collections.abc import Sequence
-from functools import lru_cache
 from operator import index
 from typing import Any
 
@@ -34,7 +33,6 @@ STATION_PX = float(LIBRARY.constant("STATION_PX"))
 BLOCK = LIBRARY.constant("BLOCK")
 """Stations that are averaged before edges are detected."""
 
-MAX_BEHIND_PX = 1000
 
 _STRIP = LIBRARY.layout(
     "Strip",
@@ -62,7 +60,7 @@ _colored_share = LIBRARY.function("colored_share", "piid", ctypes.c_double)
 _own_color_share = LIBRARY.function("own_color_share", "piid", ctypes.c_double)
 _estimate_coarse_tip = LIBRARY.function("estimate_coarse_tip", "pdddp", ctypes.c_int)
 _fit_line = LIBRARY.function("fit_line", "pddppppp", ctypes.c_int)
-_refine_tip = LIBRARY.function("refine_tip", "pppip", ctypes.c_int)
+_refine_tip = LIBRARY.function("refine_tip", "ppp", ctypes.c_int)
 
 _Pair, _Triple = (ctypes.c_double * count for count in (2, 3))
 _LineFitBuffer = ctypes.c_char * _LINE_FIT.size
@@ -230,7 +228,6 @@ def fit_line(
 
 def refine_tip(
     strip: RectifiedStrip,
-    behind_px: tuple[int, ...],
     start: int,
     stop: int,
     about: int,
@@ -255,15 +252,8 @@ def refine_tip(
     )
     if not 0 <= start <= stop <= native.stations:
         raise ValueError(f"patch: expected a part of {native.stations} stations, found {start} to {stop}")
-    is_found = _refine_tip(native.packed, patch, _ints(behind_px), len(behind_px), tip)
+    is_found = _refine_tip(native.packed, patch, tip)
     return (tip[0], tip[1], tip[2]) if is_found else None
-
-
-@lru_cache(maxsize=8)
-def _ints(behind_px: tuple[int, ...]) -> ctypes.Array[ctypes.c_int]:
-    if not behind_px or not all(0 <= px <= MAX_BEHIND_PX for px in behind_px):
-        raise ValueError(f"behind_px: expected numbers from 0 to {MAX_BEHIND_PX}, found {behind_px}")
-    return (ctypes.c_int * len(behind_px))(*behind_px)
 
 
 def native_of(strip: RectifiedStrip) -> _Native:

@@ -10,6 +10,8 @@
 #define MAX_REACH 2
 #define WIDTH_PX 3
 #define BLUNT_PX 2
+#define BEHIND_PX 12   /* of the needle, over which its contrast is measured first, */
+#define NEAR_PX 7      /* and then from the step found, where it is nearer to the tip's */
 #define TIP_LEVEL 0.36 /* between beyond and behind: the point is thin, half would be too early */
 #define ONE_TONE 0.8   /* share of the contrast that is of one sign, below which a point fades at its rims */
 #define PI 3.14159265358979323846
@@ -230,11 +232,9 @@ static double defocus_along_px(const ContrastStep *step) {
     return maximum(step->fall_grey / (sqrt(2 * PI) * step->slope) - FOCUSED_PX, 0);
 }
 
-/* Locate the tip in a patch, in rounds: each measures the needle's contrast over so many px behind the step
-   that the last one found. `tip` receives the position from the first station on [px], its sd [px] and the
+/* Locate the tip in a patch. `tip` receives the position from the first station on [px], its sd [px] and the
    needle's contrast [grey levels]. Return whether the contrast falls there. */
-EXPORT int refine_tip(const Strip *strip, const TipPatch *patch, const int *behind_px, int rounds,
-                      double *tip) {
+EXPORT int refine_tip(const Strip *strip, const TipPatch *patch, double *tip) {
     const int count = patch->stop - patch->start;
     Profile profile = {.count = count, .continues = patch->continues, .noise_grey = strip->noise_grey};
     profile.reach = clamped(strip->noise_grey / NOISE_PER_REACH, 0, MAX_REACH);
@@ -242,9 +242,8 @@ EXPORT int refine_tip(const Strip *strip, const TipPatch *patch, const int *behi
     profile.fading_share = patch->fading_share;
     ContrastStep step = {.end = patch->about > 0 ? patch->about : 0};
     if (count < 2 || count > MAX_PATCH || !measure_profile(strip, patch, &profile)) return 0;
-    for (int n = 0; n < rounds; n++) {
-        if (!find_step(&profile, step.end, behind_px[n], BLUNT_PX, &step)) return 0;
-    }
+    if (!find_step(&profile, step.end, BEHIND_PX, BLUNT_PX, &step)) return 0;
+    if (!find_step(&profile, step.end, NEAR_PX, BLUNT_PX, &step)) return 0;
     const double defocus_px = minimum(maximum(patch->blur_px - FOCUSED_PX, 0), defocus_along_px(&step));
     const int is_focused = defocus_px < MAX_FOCUSED_PX;
     const ContrastStep point = is_focused ? follow_point(&profile, step) : step;

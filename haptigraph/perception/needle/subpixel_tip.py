@@ -18,7 +18,6 @@ from haptigraph.perception.needle.rectify import RectifiedStrip
 __all__ = ["FADING_LEVEL", "covers_tip", "refine_tip", "tip_patch_px"]
 
 BEHIND_PX, AHEAD_PX = 12, 10  # of the needle, and of what follows, in a tip patch
-NEAR_PX = 7  # of the needle, over which its contrast is measured in the second round
 FADING_LEVEL = 0.3  # of dark rims about a bright middle: where they are thin, blur takes one from the other
 
 
@@ -69,7 +68,7 @@ def refine_tip(
         return None
     first_px = float(patch.u_px[start])
     found = native.refine_tip(
-        *(patch, (BEHIND_PX, NEAR_PX), start, stop, math.ceil(about_px - first_px)),
+        *(patch, start, stop, math.ceil(about_px - first_px)),
         *(patch.half_px + off_axis_px, blur_px, FADING_LEVEL),
         continues=stop == last,
         is_outside=tip.where == "outside",

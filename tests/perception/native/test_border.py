@@ -247,8 +247,8 @@ WRAPPERS = {
     "tip_posterior": (tip_network.tip_posterior, lambda: [np.ones(tip_network.KINDS), 20.0]),
     "fit_line": (strip.fit_line, lambda: [make_strip(), 50.0, 9.0, APPEARANCE]),
     "refine_tip": (
-        lambda *arguments: strip.refine_tip(*arguments[:8], **dict(zip(FLAGS, arguments[8:], strict=True))),
-        lambda: [make_strip(), (12, 7), 20, 55, 24, 16.2, 0.1, 0.3, True, False, True],
+        lambda *arguments: strip.refine_tip(*arguments[:7], **dict(zip(FLAGS, arguments[7:], strict=True))),
+        lambda: [make_strip(), 20, 55, 24, 16.2, 0.1, 0.3, True, False, True],
     ),
     "RectifiedStrip": (
         RectifiedStrip,
@@ -340,9 +340,9 @@ def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
         lambda: strip.fit_line(shown, math.inf, 16.0, APPEARANCE),
         lambda: tip_network.tip_window(shown, number, 0.1, number, abs(number)),
         lambda: tip_network.tip_window(shown, 0.5, number, station, 20.0),
-        lambda: refine(shown, (12, station), 0, stop, station, number, 0.1, 0.3, True, False, True),
-        lambda: refine(shown, (4,), 0, stop, 2 * station, 16.2, number, number, False, True, True),
-        lambda: refine(shown, (4,), 0, stop, station, 8.0, 0.0, 0.3, False, False, False),
+        lambda: refine(shown, 0, stop, station, number, 0.1, 0.3, True, False, True),
+        lambda: refine(shown, 0, stop, 2 * station, 16.2, number, number, False, True, True),
+        lambda: refine(shown, 0, stop, station, 8.0, 0.0, 0.3, False, False, False),
     ):
         with suppress(ValueError, TypeError, OverflowError):
             call()
