@@ -35,11 +35,11 @@ def observed(number: int, seed: int) -> Iterator[tuple[Truth, Observation, Vec |
 @pytest.mark.parametrize(
     ("number", "seed", "max_unknown", "max_far"),
     [
-        (15, 105, 3, 1),
+        (15, 105, 1, 0),
         (11, 105, 4, 0),
         (65, 101, 0, 0),
         (10, 326, 0, 1),
-        (5, 328, 5, 2),
+        (5, 328, 7, 0),
         (32, 388, 3, 0),
         (15, 402, 6, 0),
         (21, 382, 24, 0),

@@ -19,7 +19,7 @@ from haptigraph.perception.needle.rectify import EyeGeometry, Line, RectifiedStr
 from haptigraph.perception.needle.shaft_line import LineFit
 from haptigraph.perception.needle.sharp_tip import continues, is_bright, is_clear_end, sharp_end
 from haptigraph.perception.needle.subpixel_tip import covers_tip, refine_tip, tip_patch_px
-from haptigraph.perception.needle.tip_network import outside_globe, shipped_weights, with_certainty
+from haptigraph.perception.needle.tip_network import TipJudge, outside_globe
 
 __all__ = ["MAX_OFF_AXIS_PX", "Candidate", "Detection", "TipSelector"]
 
@@ -95,7 +95,7 @@ class TipSelector:
         uses_network: bool = True,
     ) -> None:
         self._eye, self._background, self._bevel, self._focus = eye, background, bevel, focus
-        self._weights = shipped_weights() if uses_network else None
+        self._judge = TipJudge() if uses_network else None
 
     def select(self, image: Image, detection: Detection, expected_px: float = math.inf) -> TipEstimate:
         """Select the contrast step that is the tip, and locate it sub-pixel.
@@ -226,15 +226,22 @@ class TipSelector:
         A tip outside is not, if its shaft goes on to the wall: it may be in the eye.
         """
         strip, fit, tip = detection.candidate.strip, detection.fit, detection.tip
-        if tip.where == "outside":
-            wall_px = float(strip.u_px[strip.outside.stop - 1])
-            tip = outside_globe(tip, self._eye.px_per_mm)
-            return replace(tip, is_known=False) if continues(strip, tip.u_px, wall_px) else tip
         if tip.where != "inside":
-            return tip
-        if self._weights is None:
+            self.forget()
+            return tip if tip.where == "occluded" else self._outside(strip, tip)
+        if self._judge is None:
             return replace(tip, shift_sd_px=UNJUDGED_MM * self._eye.px_per_mm)
-        return with_certainty(strip, fit, tip, self._eye.px_per_mm, self._weights)
+        return self._judge.judged(strip, fit, tip, self._eye.px_per_mm)
+
+    def _outside(self, strip: RectifiedStrip, tip: TipEstimate) -> TipEstimate:
+        wall_px = float(strip.u_px[strip.outside.stop - 1])
+        tip = outside_globe(tip, self._eye.px_per_mm)
+        return replace(tip, is_known=False) if continues(strip, tip.u_px, wall_px) else tip
+
+    def forget(self) -> None:
+        """Forget how certain the tips of the last images were."""
+        if self._judge:
+            self._judge.forget()
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:
         """Return the end of a shaft that its shadow continues, None if none does."""

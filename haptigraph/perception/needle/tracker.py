@@ -100,11 +100,10 @@ class Tracker:
         """Forget earlier images."""
         self._background.reset()
         self._pose.reset()
-        self._bevel.reset()
         self._focus.reset()
         self._cannulas.reset()
         self._usual_grey: float | None = None
-        self._appearance: Appearance = NEW
+        self._update_filter(None)
         self._doubts = 0
         self._stamp_ns: int | None = None
         self._is_eye_visible = True
@@ -265,8 +264,9 @@ class Tracker:
     def _update_filter(self, detection: Detection | None) -> None:
         """Update the pose, and what the needle's appearance has shown."""
         if detection is None:
-            self._appearance = NEW
+            self._appearance: Appearance = NEW
             self._bevel.reset()
+            self._tip_selector.forget()
             return
         tip, fit, candidate = detection.tip, detection.fit, detection.candidate
         if candidate.patch is not None and tip.where == "inside":

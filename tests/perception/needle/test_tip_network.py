@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from haptigraph.config import PerceptionConfig
 from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.shaft_line import fit_line
-from haptigraph.perception.needle.tip_network import outside_globe, shipped_weights, with_certainty
+from haptigraph.perception.needle.tip_network import TipJudge, outside_globe
 from haptigraph.perception.needle.tracker import Tracker
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.phantom import Phantom
@@ -21,10 +21,10 @@ PX_PER_MM = 20.0
 TIP = TipEstimate("inside", END_PX, 100.0, sd_px=0.2, contrast_grey=40.0)
 
 
-def certain(excess, at_px: float = END_PX) -> TipEstimate:
+def certain(excess, at_px: float = END_PX, judge: TipJudge | None = None) -> TipEstimate:
     drawn, plain = strip(blurred(excess, 0.7, STATION_PX)), strip(needle(4))
     fit = fit_line(plain, END_PX, plain.half_px)
-    return with_certainty(drawn, fit, replace(TIP, u_px=at_px), PX_PER_MM, shipped_weights())
+    return (judge or TipJudge()).judged(drawn, fit, replace(TIP, u_px=at_px), PX_PER_MM)
 
 
 @pytest.mark.parametrize("grey", [-40.0, 60.0])
@@ -46,6 +46,18 @@ def test_a_tip_far_before_the_end_of_its_shaft_is_not_known():
     assert not certain(needle(4, END_PX + 80)).is_known
 
 
+def test_a_clear_end_is_known_again_only_some_images_after_a_doubtful_one():
+    judge = TipJudge()
+    assert not certain(needle(4, END_PX + 80), judge=judge).is_known
+    known = [certain(needle(4), judge=judge).is_known for _ in range(10)]
+    assert not known[0] and known == sorted(known) and known[-1]
+    assert not certain(
+        needle(4, END_PX + 80), judge=judge
+    ).is_known  # no history makes up for a doubt as great
+    judge.forget()
+    assert certain(needle(4), judge=judge).is_known
+
+
 def test_a_faint_end_is_less_certain():
     plain, faint = certain(needle(4)), certain(needle(4, grey=-5.0))
     assert not faint.is_known or faint.shift_sd_px > plain.shift_sd_px
@@ -55,7 +67,7 @@ def test_a_shaft_that_the_strip_hardly_shows_has_a_certainty():
     drawn = strip(needle(4))
     fit = fit_line(drawn, END_PX, drawn.half_px)
     for at_px in (float(drawn.u_px[drawn.inside.start]), float(drawn.u_px[-1]) + 500):
-        tip = with_certainty(drawn, fit, replace(TIP, u_px=at_px), PX_PER_MM, shipped_weights())
+        tip = TipJudge().judged(drawn, fit, replace(TIP, u_px=at_px), PX_PER_MM)
         assert np.isfinite(tip.u_px) and np.isfinite(tip.shift_sd_px)
 
 

@@ -64,17 +64,18 @@ def test_locates_a_needle_right_before_a_wall_whose_background_is_unknown(bench,
 
 @pytest.mark.parametrize("outside_deg", [-6.0, 0.0, 6.0])
 @pytest.mark.parametrize("inside_deg", [-6.0, 0.0, 6.0])
-def test_a_needle_visible_outside_from_the_first_image_on_is_detected_as_soon_as_it_is_inside(
+def test_a_needle_visible_outside_from_the_first_image_on_is_detected_soon_after_it_is_inside(
     bench, outside_deg, inside_deg
 ):
     turns = np.interp(range(5), [0, 4], [outside_deg, inside_deg])
     path = [*((-2.0, outside_deg),) * 4, *zip([-1.4, -0.6, 0.2, 1.3, 1.8], turns, strict=True)]
+    path += [(depth_mm, inside_deg) for depth_mm in (2.2, 2.5, 2.7)]  # its first image inside may be doubtful
     is_reported = []
     for number, (depth_mm, theta_deg) in enumerate(path):
         observation = bench.observe(bench.image(depth_mm, theta_deg, number), number)
         is_reported.append("needle_tip" in observation.found)
     assert is_reported[:4] == [True] * 4
-    assert not is_reported[-3] and is_reported[-1]
+    assert not is_reported[6] and is_reported[-1]
     assert error_px(bench, observation) < 2.0
 
 
