@@ -91,6 +91,8 @@ typedef struct {
     double max_offset_px; /* from the strip's middle, at either end */
 } LineFit;
 
+#define BEHIND_PX 12 /* of the needle in a tip patch, over which its contrast is measured at first */
+
 /* The part of a strip in which a tip is located sub-pixel. */
 typedef struct {
     double middle_px;    /* lane of the shaft's middle, may be between two */

@@ -15,6 +15,7 @@ from haptigraph.perception.native.arrays import BOOL, FLOAT, address, checked, c
 from haptigraph.perception.native.library import LIBRARY, pack
 
 __all__ = [
+    "BEHIND_PX",
     "BLOCK",
     "STATION_PX",
     "RectifiedStrip",
@@ -33,6 +34,8 @@ STATION_PX = float(LIBRARY.constant("STATION_PX"))
 BLOCK = LIBRARY.constant("BLOCK")
 """Stations that are averaged before edges are detected."""
 
+BEHIND_PX = LIBRARY.constant("BEHIND_PX")
+"""Of a needle in a tip patch."""
 
 _STRIP = LIBRARY.layout(
     "Strip",

@@ -10,8 +10,7 @@
 #define MAX_REACH 2
 #define WIDTH_PX 3
 #define BLUNT_PX 2
-#define BEHIND_PX 12   /* of the needle, over which its contrast is measured first, */
-#define NEAR_PX 7      /* and then from the step found, where it is nearer to the tip's */
+#define NEAR_PX 7      /* over which a needle's contrast is measured again, behind the first step */
 #define TIP_LEVEL 0.36 /* between beyond and behind: the point is thin, half would be too early */
 #define ONE_TONE 0.8   /* share of the contrast that is of one sign, below which a point fades at its rims */
 #define PI 3.14159265358979323846

@@ -17,20 +17,20 @@ from haptigraph.perception.needle.rectify import RectifiedStrip
 
 __all__ = ["FADING_LEVEL", "covers_tip", "refine_tip", "tip_patch_px"]
 
-BEHIND_PX, AHEAD_PX = 12, 10  # of the needle, and of what follows, in a tip patch
+AHEAD_PX = 10  # of what follows the needle in a tip patch
 FADING_LEVEL = 0.3  # of dark rims about a bright middle: where they are thin, blur takes one from the other
 
 
 def tip_patch_px(about_px: float, margin_px: int = 0) -> FloatImage:
     """Return the positions along a line of a tip patch, (n,)."""
     about = round(about_px)
-    return np.arange(about - BEHIND_PX - margin_px, about + AHEAD_PX + margin_px + 1, dtype=np.float32)
+    return np.arange(about - native.BEHIND_PX - margin_px, about + AHEAD_PX + margin_px + 1, dtype=np.float32)
 
 
 def covers_tip(patch: RectifiedStrip, about_px: float) -> bool:
     """Return whether a tip patch is large enough for a tip about a position."""
     about, u_px = round(about_px), patch.u_px
-    return bool(u_px[0] <= about - BEHIND_PX and about + AHEAD_PX <= u_px[-1])
+    return bool(u_px[0] <= about - native.BEHIND_PX and about + AHEAD_PX <= u_px[-1])
 
 
 def refine_tip(
@@ -63,7 +63,7 @@ def refine_tip(
     part = patch.inside if is_inside else patch.outside
     middle = round(about_px) - round(float(patch.u_px[0]))
     last = min(middle + AHEAD_PX + 1, len(patch.u_px))
-    start, stop = max(middle - BEHIND_PX, part.start), min(last, part.stop)
+    start, stop = max(middle - native.BEHIND_PX, part.start), min(last, part.stop)
     if stop - start < 2:
         return None
     first_px = float(patch.u_px[start])
