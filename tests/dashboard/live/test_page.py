@@ -134,7 +134,7 @@ def test_a_slow_loop_is_not_called_a_slow_connection(live, open_page):
     assert share < 0.1
     title, detail, _ = page.evaluate(late, 20)
     assert title == "Connection too slow"
-    assert detail.startswith("Images arrive 0.3 s after their capture")
+    assert detail.startswith("Images may be 0.3 s old when they arrive")
 
 
 def test_the_uncertainty_region_has_a_radius_of_two_standard_deviations(live, open_page):

@@ -78,7 +78,7 @@ export class Feed {
   /** Return whether the loop or the connection makes images late. @param {Hello} hello @returns {Problem} */
   lateness({ deadman_ms }) {
     const seconds = (/** @type {number} */ ms) => `${(ms / 1000).toFixed(1)} s`, isLoop = this.loop_ms > this.late_ms / 2;
-    const how = isLoop ? `The loop takes ${seconds(this.loop_ms)} for an image` : `Images arrive ${seconds(this.late_ms)} after their capture`;
+    const how = isLoop ? `The loop takes ${seconds(this.loop_ms)} for an image` : `Images may be ${seconds(this.late_ms)} old when they arrive`;
     const title = isLoop ? "Perception or machine too slow" : "Connection too slow";
     return { title, detail: `${how}; this page's haptic feedback stops after ${deadman_ms} ms.`, isCut: false, isSmall: true };
   }

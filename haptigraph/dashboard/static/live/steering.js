@@ -67,7 +67,7 @@ export class Steering {
 
   /** @param {boolean} engaged */
   sendMotion(engaged, along_mm = 0, across_mm = 0, apart_mm = 0, outwards_mm = 0) {
-    const sent_ms = this.clock.now_ms();
+    const sent_ms = this.clock.stamp_ms();
     this.engaged = engaged;
     this.send({ type: "motion", hand: { engaged, along_mm, across_mm, apart_mm, outwards_mm }, sent_ms: sent_ms >= 0 ? sent_ms : null });
   }
