@@ -123,8 +123,7 @@ class PoseFilter:
         if self._free_line is not None:
             return self._free_line
         angle, _, x, y = self._state
-        nx, ny = Line(angle, 0.0).normal
-        return Line(angle, nx * x + ny * y)
+        return Line(angle, math.cos(angle) * y - math.sin(angle) * x)
 
     @property
     def depth_px(self) -> float:

@@ -7,7 +7,6 @@ Also where a needle can be visible along a line.
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -54,7 +53,7 @@ BEYOND_MM = 0.5  # past the far wall: a tip may be pushed into the retina
 INSIDE_MM = 4.0  # of the shortest strip: a needle that comes out of the longest cannula
 
 
-class Line(Struct, frozen=True, dict=True):
+class Line(Struct, frozen=True):
     """A directed line in the image, by the trocar."""
 
     angle_rad: float
@@ -62,12 +61,12 @@ class Line(Struct, frozen=True, dict=True):
     offset_px: float
     """From the registered trocar, along the normal (the direction turned by +90 degrees)."""
 
-    @cached_property
+    @property
     def direction(self) -> Vec:
         """Into the eye, length 1."""
         return math.cos(self.angle_rad), math.sin(self.angle_rad)
 
-    @cached_property
+    @property
     def normal(self) -> Vec:
         """Across the line, length 1."""
         dx, dy = self.direction
