@@ -4,8 +4,9 @@ import math
 from collections.abc import Iterator
 
 import pytest
+from msgspec.structs import replace
 
-from haptigraph.analysis.evaluation.sweep import play
+from haptigraph.analysis.evaluation.sweep import play, reference_image
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Point, Vec, subtract
 from haptigraph.messages import Observation, Truth
@@ -18,10 +19,16 @@ FAR_MM, DEEP_MM = 0.3, 2.0
 RIM_MM = 1.5  # along the needle from its trocar: deeper than that it is in the eye
 
 
-def observed(number: int, seed: int) -> Iterator[tuple[Truth, Observation, Vec | None, float]]:
+def observed(
+    number: int, seed: int, *, has_reference: bool = False
+) -> Iterator[tuple[Truth, Observation, Vec | None, float]]:
     """Truth, observation, how far the tip is off [px], and the scale [mm/px], image by image."""
-    phantom = Phantom(sweep_scene(number, seed).scenario)
+    scene = sweep_scene(number, seed)
+    phantom = Phantom(scene.scenario)
     registration = parse_camera_registration(phantom.registration, "the scene's registration")
+    if has_reference and scene.registered is not None:
+        background = reference_image(scene.scenario, scene.registered)
+        registration = replace(registration, background=background)
     tracker = Tracker(registration, PerceptionConfig())
     for capture, moment in play(phantom):
         observation, truth = tracker(capture), moment.truth
@@ -80,6 +87,36 @@ def test_a_tip_that_is_hidden_or_outside_is_not_reported_inside(number, seed, is
         hidden += "needle_line" in observation.found or is_outside
         assert off_px is None or math.hypot(*off_px) * mm_per_px < RIM_MM
     assert hidden >= 8
+
+
+@pytest.mark.parametrize(
+    ("number", "seed"),
+    [(47, 511), (48, 511), (46, 514), (27, 517), (62, 518)],
+    ids=["blurred by motion", "as bright as its ground", "finely resolved", "in a mixture", "coarse"],
+)
+def test_a_tip_before_the_eye_is_within_three_standard_deviations(number, seed):
+    """The background there was never visible, so sharpened points fade."""
+    shafts = tips = within = 0
+    for truth, observation, off_px, mm_per_px in observed(number, seed):
+        if truth.visible and not truth.inside:
+            shafts += "needle_line" in observation.found
+            tips += off_px is not None
+            within += off_px is not None and (
+                math.hypot(*off_px) * mm_per_px <= 3 * observation.certainty.tip_sd_mm
+            )
+    assert shafts >= 7
+    assert within >= 0.9 * tips
+    assert tips >= 3
+
+
+def test_debris_in_line_with_a_needle_before_the_eye_is_not_its_tip():
+    """The background is known, so a shaft that reached the debris would show before the wall."""
+    seen = 0
+    for truth, _, off_px, mm_per_px in observed(50, 512, has_reference=True):
+        if truth.visible and not truth.inside and off_px is not None:
+            seen += 1
+            assert math.hypot(*off_px) * mm_per_px < FAR_MM
+    assert seen >= 3
 
 
 def test_a_tip_that_came_through_the_wall_is_not_reported_outside():

@@ -16,7 +16,12 @@ from msgspec.structs import replace
 
 from haptigraph import assemble
 from haptigraph.analysis.evaluation.ground_truth import TruthRow, load_truth
-from haptigraph.analysis.evaluation.tip_scores import TipError, tip_error, tip_scores
+from haptigraph.analysis.evaluation.tip_scores import (
+    TipError,
+    outside_scores,
+    tip_error,
+    tip_scores,
+)
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
@@ -133,6 +138,8 @@ class Errors(Struct, frozen=True):
     missed_contact_images: int
     tips: list[TipError | None]
     """Of images with at least 2 mm of needle inside; None if no tip was reported."""
+    outside_tips: list[TipError | None]
+    """Of images with a visible tip before the globe; the same."""
 
 
 AngleError = Callable[[Step, TruthRow], float | None]
@@ -185,6 +192,11 @@ def errors_of(
         contact_images=len(contacts),
         missed_contact_images=sum(states[number] not in NOT_SILENT for number in contacts),
         tips=[tip_error(step, row.tip_px, image) for step, row in deep],
+        outside_tips=[
+            tip_error(step, row.tip_px, image)
+            for step, row in zip(steps, truth, strict=True)
+            if row.visible and not row.inside
+        ],
     )
 
 
@@ -202,8 +214,8 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
 
     Returns:
         images, needle_images, detection_rate, false_detections, tip_error_px, tip_error_mm, angle_error_deg,
-        state_agreement, wrong_contact_images, contact_images, missed_contact_images, those of `tip_scores`,
-        state_changes, final_state.
+        state_agreement, wrong_contact_images, contact_images, missed_contact_images, those of `tip_scores`
+        and `outside_scores`, state_changes, final_state.
     """
     errors = errors_of(steps, truth, image)
     tips_px = [error for _, error in errors.tips_px]
@@ -221,6 +233,7 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
         "contact_images": errors.contact_images,
         "missed_contact_images": errors.missed_contact_images,
         **tip_scores(errors.tips),
+        **outside_scores(errors.outside_tips),
         "state_changes": {"run": _changes(states), "truth": _changes(true_states)},
         "final_state": states[-1] if states else UNKNOWN,
     }

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from haptigraph import assemble
 from haptigraph.analysis.evaluation.evaluation import Errors, angle_spreads, errors_of, share, spread
 from haptigraph.analysis.evaluation.ground_truth import TruthRow
-from haptigraph.analysis.evaluation.tip_scores import tip_scores
+from haptigraph.analysis.evaluation.tip_scores import outside_scores, tip_scores
 from haptigraph.config import Config
 from haptigraph.geometry import Point, Segment, Vec, angle_between_deg, subtract
 from haptigraph.inference.engine import RuleEngine, without_time
@@ -33,7 +33,16 @@ from haptigraph.sim.scenario import Scenario
 from haptigraph.sim.scenes import Scene
 from haptigraph.sim.sweep_scenes import SWEEP_CONDITIONS, sweep_scene
 
-__all__ = ["Sweep", "perceivers_to_compare", "play", "pooled", "shaft_error_deg", "sweep", "true_rows"]
+__all__ = [
+    "Sweep",
+    "perceivers_to_compare",
+    "play",
+    "pooled",
+    "reference_image",
+    "shaft_error_deg",
+    "sweep",
+    "true_rows",
+]
 
 COMPARED = ("threshold", "tracker")
 ALL = "all"
@@ -113,6 +122,7 @@ def pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
         "contact_images": sum(errors.contact_images for errors in scenes),
         "missed_contact_images": sum(errors.missed_contact_images for errors in scenes),
         **tip_scores([tip for errors in scenes for tip in errors.tips]),
+        **outside_scores([tip for errors in scenes for tip in errors.outside_tips]),
     }
 
 
@@ -179,7 +189,7 @@ def _errors_of_scene(
     phantom = Phantom(scene.scenario)
     registration = parse_camera_registration(phantom.registration, "the scene's registration")
     if scene.registered is not None:
-        registration = replace(registration, background=_reference_image(scene.scenario, scene.registered))
+        registration = replace(registration, background=reference_image(scene.scenario, scene.registered))
     pipelines = {
         name: assemble.build_pipeline(config.with_perceiver(name), registration, procedure)
         for name in perceivers
@@ -205,7 +215,7 @@ def _errors_of_scene(
     return errors
 
 
-def _reference_image(scenario: Scenario, registered: Distractors) -> BackgroundImage:
+def reference_image(scenario: Scenario, registered: Distractors) -> BackgroundImage:
     """Take the image without instrument that was registered, with the distractors of that time."""
     away = replace(scenario.moves[0], away=True)
     captures = play(Phantom(replace(scenario, distractors=registered, moves=(away,))))

@@ -1,4 +1,4 @@
-"""Score the tip of a deep needle: known or not, far off, biased, and whether its certainty is true."""
+"""Score the tip of a needle: known or not, far off, biased, and whether its certainty is true."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from haptigraph.geometry import Point, Segment, Vec, subtract, unit
 from haptigraph.messages import Step
 from haptigraph.projection import ImageGeometry
 
-__all__ = ["TipError", "quantiles", "tip_error", "tip_scores"]
+__all__ = ["TipError", "outside_scores", "quantiles", "tip_error", "tip_scores"]
 
 FAR_MM = 0.3
 MIN_SD_MM = 1e-6  # of a tip that is certain: its error counts all the same
@@ -54,6 +54,16 @@ def tip_scores(errors: Sequence[TipError | None]) -> dict[str, Any]:
         "tip_far_rate": sum(error.far for error in known) / len(known) if known else None,
         "tip_bias_px": float(np.median(along_px)) if along_px else None,
         "tip_z": quantiles(z),
+    }
+
+
+def outside_scores(errors: Sequence[TipError | None]) -> dict[str, Any]:
+    """Summarise the errors of tips that were reported while they were visible before the globe."""
+    known = [error for error in errors if error is not None]
+    return {
+        "outside_tips": len(known),
+        "outside_far_rate": sum(error.far for error in known) / len(known) if known else None,
+        "outside_z": quantiles([error.z for error in known if error.z is not None]),
     }
 
 

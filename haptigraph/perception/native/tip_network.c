@@ -35,18 +35,20 @@ static float sampled(Rows rows, double lane, int station, double part) {
     return (float)(left + (within - below) * (right - left));
 }
 
-/* Write what the strip shows about an apparent tip; the shaft's middle is at v = offset_px + slope u. */
+/* Write what the strip shows about an apparent tip, in the globe or before it; the shaft's middle is at
+   v = offset_px + slope u. */
 EXPORT void tip_window(const Strip *strip, double offset_px, double slope, double tip_px, double px_per_mm,
-                       float *values) {
+                       int is_outside, float *values) {
     TipWindow *window = (TipWindow *)values;
     const Rows channels[CHANNELS] = {strip->excess, strip->detrended, strip->chroma};
-    const int stop =
-        strip->inside_stop < strip->excess.stations ? strip->inside_stop : strip->excess.stations;
+    const int start = is_outside ? 0 : strip->inside_start;
+    const int end = is_outside ? strip->outside_stop : strip->inside_stop;
+    const int stop = end < strip->excess.stations ? end : strip->excess.stations;
     memset(window, 0, sizeof *window);
     for (int n = 0; n < TIP_STATIONS; n++) {
         const double u_px = tip_px + (n - TIP_BEHIND) * STEP_MM * px_per_mm;
         const double at = (u_px - strip->u_px[0]) / STATION_PX;
-        if (!(at >= strip->inside_start && at < stop - 1)) continue;
+        if (!(at >= start && at < stop - 1)) continue;
         const int station = (int)at;
         window->is_inside[n] = 1;
         for (int k = -SIDE; k <= SIDE; k++) {

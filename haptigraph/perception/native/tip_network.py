@@ -23,19 +23,25 @@ WEIGHTS = LIBRARY.constant("TIP_WEIGHTS")
 """Numbers that the network learns."""
 DOUBLE = np.dtype(np.float64)
 
-_tip_window = LIBRARY.function("tip_window", "pddddp")
+_tip_window = LIBRARY.function("tip_window", "pddddip")
 _tip_places = LIBRARY.function("tip_places", "pppp")
 _tip_posterior = LIBRARY.function("tip_posterior", "pdp")
 _Context, _Tip = ctypes.c_double * 3, ctypes.c_double * 3
 
 
 def tip_window(
-    strip: RectifiedStrip, offset_px: float, slope: float, tip_px: float, px_per_mm: float
+    strip: RectifiedStrip,
+    offset_px: float,
+    slope: float,
+    tip_px: float,
+    px_per_mm: float,
+    *,
+    is_outside: bool = False,
 ) -> FloatImage:
     """Return what a strip shows about an apparent tip, (VALUES,).
 
     Three channels (excess, detrended, colour) of rows of stations for each lane, and last which stations are
-    inside the globe.
+    on the tip's side of the wall.
 
     Args:
         strip: The strip.
@@ -43,12 +49,13 @@ def tip_window(
         slope: Of the shaft's middle along the strip.
         tip_px: The apparent tip.
         px_per_mm: Scale.
+        is_outside: Whether the tip is before the globe, not in it.
     """
     if not 0 < px_per_mm < np.inf:
         raise ValueError(f"px_per_mm: expected a positive number, found {px_per_mm}")
     values = np.empty(VALUES, np.float32)
     given = float(offset_px), float(slope), float(tip_px), float(px_per_mm)
-    _tip_window(native_of(strip).packed, *given, address(values))
+    _tip_window(native_of(strip).packed, *given, bool(is_outside), address(values))
     return values
 
 

@@ -17,13 +17,14 @@ from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.rectify import RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
 
-__all__ = ["TipJudge", "outside_globe"]
+__all__ = ["FAR_SD_MM", "TipJudge"]
 
 FILE = "tip_network.npy"
 MAX_FAR, MAX_FAR_NOW = 0.03, 0.1  # probability that a known tip is far: mean of late, and in its own image
 MIN_FAR, FAR_RATE = 1e-4, 0.2  # less is no more certain; weight of an image in the mean
-OUTSIDE_MM = 0.03  # sd of a contrast step outside the globe
-UNLOCATED_MM = 1.6  # where contrast is lost without a step: the point goes on, too thin or too faint
+
+FAR_SD_MM = 1.6
+"""Of a tip that is not where its contrast ends: its point goes on, too thin or too faint."""
 
 
 class TipJudge:
@@ -43,19 +44,27 @@ class TipJudge:
         self._log_far: float | None = None
 
     def judged(self, strip: RectifiedStrip, fit: LineFit, tip: TipEstimate, px_per_mm: float) -> TipEstimate:
-        """Return a tip inside the globe at its most probable place, with its standard deviation.
+        """Return a tip at its most probable place, with its standard deviation.
+
+        Inside the globe, also whether it is known. Outside, that it is there is certain, so its standard
+        deviation is that of all places where it may be.
 
         Args:
             strip: The strip along the shaft.
             fit: The shaft's line.
-            tip: The selected tip.
+            tip: The selected tip; the wall does not occlude it.
             px_per_mm: Scale.
         """
-        window = tip_window(strip, fit.offset_px, fit.slope, tip.u_px, px_per_mm)
+        is_outside = tip.where == "outside"
+        window = tip_window(strip, fit.offset_px, fit.slope, tip.u_px, px_per_mm, is_outside=is_outside)
         places = tip_places(self._weights, window, (strip.noise_grey, px_per_mm, tip.sd_px))
         beyond_mm, sd_mm, far = tip_posterior(places, px_per_mm)
         u_px = tip.u_px + beyond_mm * px_per_mm
-        return replace(tip, u_px=u_px, shift_sd_px=sd_mm * px_per_mm, is_known=self._is_known(far))
+        if not is_outside:
+            return replace(tip, u_px=u_px, shift_sd_px=sd_mm * px_per_mm, is_known=self._is_known(far))
+        wall_px = float(strip.u_px[strip.outside.stop - 1])
+        whole_sd_mm = math.hypot(sd_mm, FAR_SD_MM * math.sqrt(far))
+        return replace(tip, u_px=min(u_px, wall_px), shift_sd_px=whole_sd_mm * px_per_mm)
 
     def _is_known(self, far: float) -> bool:
         """Return whether a tip is known, with how probably it is far from there by its own image."""
@@ -63,15 +72,3 @@ class TipJudge:
         before = log_far if self._log_far is None else self._log_far
         self._log_far = before + FAR_RATE * (log_far - before)
         return self._log_far <= math.log(MAX_FAR) and far <= MAX_FAR_NOW
-
-
-def outside_globe(tip: TipEstimate, px_per_mm: float) -> TipEstimate:
-    """Return a tip outside the globe with its standard deviation.
-
-    There the background is often unknown, and a sharpened point fades on it. That it is outside is certain.
-
-    Args:
-        tip: The selected tip.
-        px_per_mm: Scale.
-    """
-    return replace(tip, shift_sd_px=px_per_mm * (OUTSIDE_MM if tip.contrast_grey else UNLOCATED_MM))

@@ -19,11 +19,12 @@ from haptigraph.perception.needle.rectify import EyeGeometry, Line, RectifiedStr
 from haptigraph.perception.needle.shaft_line import LineFit
 from haptigraph.perception.needle.sharp_tip import continues, is_bright, is_clear_end, sharp_end
 from haptigraph.perception.needle.subpixel_tip import covers_tip, refine_tip, tip_patch_px
-from haptigraph.perception.needle.tip_network import TipJudge, outside_globe
+from haptigraph.perception.needle.tip_network import FAR_SD_MM, TipJudge
 
 __all__ = ["MAX_OFF_AXIS_PX", "Candidate", "Detection", "TipSelector"]
 
 AT_WALL_PX = 3.8  # blurred edge of the wall
+WALL_SD = 2.0  # standard deviations from the wall within which a tip outside may be in it
 ENDS_PX, EDGES_END_PX = 4.0, 9.0  # beyond a tip, to which a shaft and its edges may seem to continue
 NEAR_PX = 3.0  # between the expected and the actual tip, usually
 CLEAR_PX = 8.0  # the same at a clear end
@@ -108,7 +109,7 @@ class TipSelector:
         strip, fit, tip = detection.candidate.strip, detection.fit, detection.tip
         edges_end_px = fit.end_px(float(strip.u_px[0]))
         inner_px = float(strip.u_px[strip.inside.start]) if tip.where == "inside" else math.inf
-        enters = may_reach_wall(strip, edges_end_px) or fit.leads_through(inner_px)
+        enters = fit.leads_through(inner_px) or _may_reach_wall(strip, edges_end_px)
         if tip.where == "inside" and not enters:
             outside = replace(tip, where="outside", u_px=edges_end_px)
             step = self._end_of_shaft(image, detection, outside, expected_px, edges_end_px)
@@ -225,18 +226,19 @@ class TipSelector:
 
         A tip outside is not, if its shaft goes on to the wall: it may be in the eye.
         """
-        strip, fit, tip = detection.candidate.strip, detection.fit, detection.tip
+        strip, tip = detection.candidate.strip, detection.tip
         if tip.where != "inside":
             self.forget()
-            return tip if tip.where == "occluded" else self._outside(strip, tip)
-        if self._judge is None:
-            return replace(tip, shift_sd_px=UNJUDGED_MM * self._eye.px_per_mm)
-        return self._judge.judged(strip, fit, tip, self._eye.px_per_mm)
+        if tip.where == "occluded":
+            return tip
+        judged = self._judged(detection)
+        return replace(judged, is_known=False) if _may_enter(strip, tip, judged) else judged
 
-    def _outside(self, strip: RectifiedStrip, tip: TipEstimate) -> TipEstimate:
-        wall_px = float(strip.u_px[strip.outside.stop - 1])
-        tip = outside_globe(tip, self._eye.px_per_mm)
-        return replace(tip, is_known=False) if continues(strip, tip.u_px, wall_px) else tip
+    def _judged(self, detection: Detection) -> TipEstimate:
+        tip, scale = detection.tip, self._eye.px_per_mm
+        if self._judge is None:
+            return replace(tip, shift_sd_px=scale * (UNJUDGED_MM if tip.contrast_grey else FAR_SD_MM))
+        return self._judge.judged(detection.candidate.strip, detection.fit, tip, scale)
 
     def forget(self) -> None:
         """Forget how certain the tips of the last images were."""
@@ -261,6 +263,22 @@ def _doubted(step: TipEstimate, inside_px: float, expected_px: float) -> TipEsti
     """Return a tip outside the wall though there is contrast inside: not known, unless it was expected."""
     is_known = abs(step.u_px - expected_px) < CLEAR_PX
     return replace(step, is_known=is_known, shift_sd_px=0.0 if is_known else abs(inside_px - step.u_px))
+
+
+def _may_reach_wall(strip: RectifiedStrip, edges_end_px: float) -> bool:
+    """Return whether a shaft whose edges end outside may reach the wall: on known background, as it shows."""
+    wall_px = float(strip.u_px[strip.outside.stop - 1])
+    is_near = wall_px - edges_end_px <= EDGES_END_PX
+    return may_reach_wall(strip, edges_end_px) and (is_near or continues(strip, edges_end_px, wall_px))
+
+
+def _may_enter(strip: RectifiedStrip, tip: TipEstimate, judged: TipEstimate) -> bool:
+    """Return whether a tip outside may be in the wall: its shaft goes on, or it is not certain enough."""
+    if tip.where != "outside":
+        return False
+    wall_px = float(strip.u_px[strip.outside.stop - 1])
+    is_near = wall_px - judged.u_px <= WALL_SD * judged.shift_sd_px
+    return is_near or continues(strip, tip.u_px, wall_px)
 
 
 def _continues_colored(strip: RectifiedStrip, step: TipEstimate, to_px: float) -> bool:

@@ -125,6 +125,9 @@ KEYS = {
     "tip_far_rate": float,
     "tip_bias_px": float,
     "tip_z": dict,
+    "outside_tips": int,
+    "outside_far_rate": type(None),  # this perceiver reports none there
+    "outside_z": dict,
     "state_changes": dict,
     "final_state": str,
 }
@@ -194,6 +197,17 @@ def test_far_tips_are_more_than_a_third_of_a_millimetre_off():
     scores = score([*steps, step(tip_px=(200.0, 0.0))], truth, IMAGE)
     assert scores["tip_far_rate"] == pytest.approx(1 / 3)  # of those reported, at least 2 mm deep
     assert scores["tip_known_rate"] == 0.75
+
+
+def test_tips_before_the_globe_have_scores_of_their_own():
+    before = row("outside_eye", inside=False, depth_mm=-3.0)
+    steps = [uncertain(0.1), uncertain(0.1, tip_px=(104.0, 104.0)), step(tip_px=None)]
+    scores = score([*steps, uncertain(0.1, tip_px=(200.0, 0.0))], [*[before] * 3, row()], IMAGE)
+    assert scores["outside_tips"] == 2
+    assert scores["outside_far_rate"] == 0.5
+    assert scores["outside_z"]["p997"] == pytest.approx(4 * 2**0.5, rel=0.01)
+    inside = score([uncertain(0.1)], [row()], IMAGE)
+    assert inside["outside_tips"] == 0 and inside["outside_far_rate"] is None
 
 
 def test_bias_and_certainty_go_by_the_error_along_the_shaft():

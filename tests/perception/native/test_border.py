@@ -339,6 +339,7 @@ def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
         lambda: strip.fit_line(shown, number, abs(number), (number, 0.1, station, number, math.nan)),
         lambda: strip.fit_line(shown, math.inf, 16.0, APPEARANCE),
         lambda: tip_network.tip_window(shown, number, 0.1, number, abs(number)),
+        lambda: tip_network.tip_window(shown, number, 0.1, station, 20.0, is_outside=True),
         lambda: tip_network.tip_window(shown, 0.5, number, station, 20.0),
         lambda: refine(shown, 0, stop, station, number, 0.1, 0.3, True, False, True),
         lambda: refine(shown, 0, stop, 2 * station, 16.2, number, number, False, True, True),

@@ -47,6 +47,14 @@ def test_nothing_is_seen_beyond_the_globe():
     assert not tip_window(near, 0.0, 0.0, 1e9, PX_PER_MM).any()
 
 
+def test_before_the_globe_nothing_is_seen_of_the_wall_and_beyond_it():
+    near = strip(needle(4.0))
+    last = near.outside.stop - 1
+    rows = rows_of(tip_window(near, 0.0, 0.0, float(near.u_px[last]), PX_PER_MM, is_outside=True))
+    assert 0 < rows[-1].sum() < STATIONS and not rows[-1, BEHIND:].any()
+    assert np.all(rows[:, rows[-1] == 0] == 0)
+
+
 def expected_places(weights, window, context):
     """The network's definition, in NumPy."""
     at = 0

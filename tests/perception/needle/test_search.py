@@ -74,7 +74,7 @@ def test_detects_a_needle_that_points_beside_its_trocar_in_the_first_image(large
     image = draw_rim(draw_needle(eye, true, depth_px), eye)
     observation = Tracker(large, PerceptionConfig())(Capture(0, 0, image))
     tip_px = large.image.to_px(observation.found["needle_tip"].at_mm)
-    assert math.dist(tip_px, true.at_px(eye.trocar_px, depth_px)) < 1.0
+    assert math.dist(tip_px, true.at_px(eye.trocar_px, depth_px)) < 1.5  # an end that is cut square
 
 
 def test_candidates_are_the_peaks_of_the_scores(eye):

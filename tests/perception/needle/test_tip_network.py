@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from drawn_strip import END_PX, STATION_PX, blurred, needle, strip
+from drawn_strip import END_PX, STATION_PX, U_PX, blurred, needle, strip
 from msgspec.structs import replace
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.shaft_line import fit_line
-from haptigraph.perception.needle.tip_network import TipJudge, outside_globe
+from haptigraph.perception.needle.tip_network import TipJudge
 from haptigraph.perception.needle.tracker import Tracker
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.phantom import Phantom
@@ -71,11 +71,23 @@ def test_a_shaft_that_the_strip_hardly_shows_has_a_certainty():
         assert np.isfinite(tip.u_px) and np.isfinite(tip.shift_sd_px)
 
 
-def test_a_tip_outside_the_globe_is_uncertain_by_its_point_unless_its_end_shows():
-    located = replace(TIP, where="outside", contrast_grey=30.0)
-    assert outside_globe(located, 20.0).shift_sd_px == pytest.approx(0.6)
-    unlocated = outside_globe(replace(located, contrast_grey=0.0), 20.0)
-    assert unlocated.shift_sd_px == pytest.approx(32.0) and unlocated.is_known
+def judged_outside(excess, at_px: float = END_PX) -> TipEstimate:
+    """A needle before the globe, which begins beyond the strip."""
+    drawn, whole = strip(excess), slice(0, len(U_PX))
+    before = replace(drawn, outside=whole, inside=slice(len(U_PX), len(U_PX)))
+    fit = fit_line(drawn, END_PX, drawn.half_px)
+    return TipJudge().judged(before, fit, replace(TIP, where="outside", u_px=at_px), PX_PER_MM)
+
+
+def test_a_tip_outside_the_globe_is_certain_where_its_end_shows():
+    clear, early = judged_outside(needle(4)), judged_outside(needle(4, END_PX + 30))
+    assert abs(clear.u_px - END_PX) < 2 and clear.shift_sd_px < 1.5
+    assert abs(early.u_px - END_PX - 30) < 3 * early.shift_sd_px
+    assert clear.is_known and early.is_known  # that it is outside is certain
+
+
+def test_a_tip_outside_is_before_the_wall():
+    assert judged_outside(needle(4, 500.0), float(U_PX[-1]) - 4).u_px <= U_PX[-1]
 
 
 def test_a_needle_that_stands_outside_from_the_first_image_on_is_within_two_standard_deviations():
