@@ -267,6 +267,8 @@ def _doubted(step: TipEstimate, inside_px: float, expected_px: float) -> TipEsti
 
 def _may_reach_wall(strip: RectifiedStrip, edges_end_px: float) -> bool:
     """Return whether a shaft whose edges end outside may reach the wall: on known background, as it shows."""
+    if not strip.outside.stop:
+        return True  # the strip begins in the globe
     wall_px = float(strip.u_px[strip.outside.stop - 1])
     is_near = wall_px - edges_end_px <= EDGES_END_PX
     return may_reach_wall(strip, edges_end_px) and (is_near or continues(strip, edges_end_px, wall_px))

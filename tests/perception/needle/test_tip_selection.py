@@ -3,6 +3,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from haptigraph.perception.needle.background import CHROMA_RATE, MAX_CHROMA, MIN_BLUE, Background
 from haptigraph.perception.needle.bevel import Bevel
@@ -176,3 +177,20 @@ def test_motion_across_the_shaft_does_not_shorten_it(registration):
 
         ends_px.append(tips_of(eye, line, shown_on_ground(eye, line, shown), math.inf)[1].u_px)
     assert ends_px[1] == pytest.approx(ends_px[0], abs=0.3)
+
+
+def test_a_soft_shaft_in_a_strip_that_begins_in_the_globe_does_not_end_before_it(registration):
+    """Of a deep needle the strip has no part outside, where the shaft could be seen to reach the wall."""
+    eye = EyeGeometry(registration)
+    line = Line(eye.inwards_rad + 0.1, 0.0)
+    image = fading_needle(eye, line)
+    background = Background(eye)
+    background.learn(np.full(image.shape, round(GROUND), np.uint8), None, 20)
+    (strip,) = background.rectify(image, line, stations(eye, line, from_px=30.0))
+    assert strip.outside.stop == 0
+    coarse = estimate_coarse_tip(strip, eye.px_per_mm, None)
+    fit = fit_line(strip, coarse.u_px, strip.half_px)
+    soft = replace(fit, is_steep=bytes(len(fit.is_steep)))
+    detection = Detection(Candidate(line, strip, None, coarse), line, soft, coarse)
+    tip = TipSelector(eye, background, Bevel(), Focus(eye)).select(image, detection)
+    assert tip.where == "inside"
