@@ -6,12 +6,11 @@ from collections.abc import Iterator
 import pytest
 from msgspec.structs import replace
 
-from haptigraph.analysis.evaluation.sweep import play, reference_image
+from haptigraph.analysis.evaluation.sweep import play, registration_of
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Point, Vec, subtract
 from haptigraph.messages import Observation, Truth
 from haptigraph.perception.needle.tracker import Tracker
-from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.sweep_scenes import sweep_scene
 
@@ -25,10 +24,9 @@ def observed(
     """Truth, observation, how far the tip is off [px], and the scale [mm/px], image by image."""
     scene = sweep_scene(number, seed)
     phantom = Phantom(scene.scenario)
-    registration = parse_camera_registration(phantom.registration, "the scene's registration")
-    if has_reference and scene.registered is not None:
-        background = reference_image(scene.scenario, scene.registered)
-        registration = replace(registration, background=background)
+    registration = registration_of(scene, phantom)
+    if not has_reference:
+        registration = replace(registration, background=None)
     tracker = Tracker(registration, PerceptionConfig())
     for capture, moment in play(phantom):
         observation, truth = tracker(capture), moment.truth

@@ -16,12 +16,7 @@ from msgspec.structs import replace
 
 from haptigraph import assemble
 from haptigraph.analysis.evaluation.ground_truth import TruthRow, load_truth
-from haptigraph.analysis.evaluation.tip_scores import (
-    TipError,
-    outside_scores,
-    tip_error,
-    tip_scores,
-)
+from haptigraph.analysis.evaluation.tip_scores import TipError, outside_scores, tip_error, tip_scores
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput

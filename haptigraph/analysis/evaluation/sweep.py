@@ -38,7 +38,7 @@ __all__ = [
     "perceivers_to_compare",
     "play",
     "pooled",
-    "reference_image",
+    "registration_of",
     "shaft_error_deg",
     "sweep",
     "true_rows",
@@ -187,9 +187,7 @@ def _errors_of_scene(
     scene: Scene, perceivers: Sequence[str], config: Config, procedure: Procedure
 ) -> dict[str, Errors]:
     phantom = Phantom(scene.scenario)
-    registration = parse_camera_registration(phantom.registration, "the scene's registration")
-    if scene.registered is not None:
-        registration = replace(registration, background=reference_image(scene.scenario, scene.registered))
+    registration = registration_of(scene, phantom)
     pipelines = {
         name: assemble.build_pipeline(config.with_perceiver(name), registration, procedure)
         for name in perceivers
@@ -215,7 +213,15 @@ def _errors_of_scene(
     return errors
 
 
-def reference_image(scenario: Scenario, registered: Distractors) -> BackgroundImage:
+def registration_of(scene: Scene, phantom: Phantom) -> Registration:
+    """Return what was registered of a scene: its anatomy, and its image without instrument, if any."""
+    registration = parse_camera_registration(phantom.registration, "the scene's registration")
+    if scene.registered is None:
+        return registration
+    return replace(registration, background=_reference_image(scene.scenario, scene.registered))
+
+
+def _reference_image(scenario: Scenario, registered: Distractors) -> BackgroundImage:
     """Take the image without instrument that was registered, with the distractors of that time."""
     away = replace(scenario.moves[0], away=True)
     captures = play(Phantom(replace(scenario, distractors=registered, moves=(away,))))

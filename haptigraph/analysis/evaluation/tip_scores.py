@@ -59,11 +59,11 @@ def tip_scores(errors: Sequence[TipError | None]) -> dict[str, Any]:
 
 def outside_scores(errors: Sequence[TipError | None]) -> dict[str, Any]:
     """Summarise the errors of tips that were reported while they were visible before the globe."""
-    known = [error for error in errors if error is not None]
+    scores = tip_scores(errors)
     return {
-        "outside_tips": len(known),
-        "outside_far_rate": sum(error.far for error in known) / len(known) if known else None,
-        "outside_z": quantiles([error.z for error in known if error.z is not None]),
+        "outside_tips": sum(error is not None for error in errors),
+        "outside_far_rate": scores["tip_far_rate"],
+        "outside_z": scores["tip_z"],
     }
 
 

@@ -104,6 +104,11 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
     native: Any = None
     """The same for C; always made anew from the rest."""
 
+    @property
+    def wall_px(self) -> float:
+        """Position of the last station outside the wall; there must be one."""
+        return float(self.u_px[self.outside.stop - 1])
+
     def __post_init__(self) -> None:
         excess, detrended, u_px, is_known = self.excess, self.detrended, self.u_px, self.is_known
         rows, others = checked_rows("excess", excess), checked_rows("detrended", detrended)

@@ -62,9 +62,8 @@ class TipJudge:
         u_px = tip.u_px + beyond_mm * px_per_mm
         if not is_outside:
             return replace(tip, u_px=u_px, shift_sd_px=sd_mm * px_per_mm, is_known=self._is_known(far))
-        wall_px = float(strip.u_px[strip.outside.stop - 1])
         whole_sd_mm = math.hypot(sd_mm, FAR_SD_MM * math.sqrt(far))
-        return replace(tip, u_px=min(u_px, wall_px), shift_sd_px=whole_sd_mm * px_per_mm)
+        return replace(tip, u_px=min(u_px, strip.wall_px), shift_sd_px=whole_sd_mm * px_per_mm)
 
     def _is_known(self, far: float) -> bool:
         """Return whether a tip is known, with how probably it is far from there by its own image."""

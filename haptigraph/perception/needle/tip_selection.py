@@ -109,7 +109,7 @@ class TipSelector:
         strip, fit, tip = detection.candidate.strip, detection.fit, detection.tip
         edges_end_px = fit.end_px(float(strip.u_px[0]))
         inner_px = float(strip.u_px[strip.inside.start]) if tip.where == "inside" else math.inf
-        enters = fit.leads_through(inner_px) or _may_reach_wall(strip, edges_end_px)
+        enters = fit.leads_through(inner_px) or _shows_to_wall(strip, edges_end_px)
         if tip.where == "inside" and not enters:
             outside = replace(tip, where="outside", u_px=edges_end_px)
             step = self._end_of_shaft(image, detection, outside, expected_px, edges_end_px)
@@ -186,7 +186,7 @@ class TipSelector:
         On known background the contrast must end there; on unknown background, where the wall may look like a
         shaft, the edges must.
         """
-        gap_px = float(strip.u_px[strip.outside.stop - 1]) - step_px
+        gap_px = strip.wall_px - step_px
         if gap_px <= AT_WALL_PX:
             return False
         if may_reach_wall(strip, step_px):
@@ -224,7 +224,7 @@ class TipSelector:
     def with_certainty(self, detection: Detection) -> TipEstimate:
         """Return a detection's tip with its standard deviation, and whether its place is known.
 
-        A tip outside is not, if its shaft goes on to the wall: it may be in the eye.
+        A tip outside is not, if its shaft goes on to the wall or the wall is near: it may be in the eye.
         """
         strip, tip = detection.candidate.strip, detection.tip
         if tip.where != "inside":
@@ -265,22 +265,20 @@ def _doubted(step: TipEstimate, inside_px: float, expected_px: float) -> TipEsti
     return replace(step, is_known=is_known, shift_sd_px=0.0 if is_known else abs(inside_px - step.u_px))
 
 
-def _may_reach_wall(strip: RectifiedStrip, edges_end_px: float) -> bool:
-    """Return whether a shaft whose edges end outside may reach the wall: on known background, as it shows."""
+def _shows_to_wall(strip: RectifiedStrip, edges_end_px: float) -> bool:
+    """Return whether a shaft whose edges end outside shows up to the wall, or its background is unknown."""
     if not strip.outside.stop:
         return True  # the strip begins in the globe
-    wall_px = float(strip.u_px[strip.outside.stop - 1])
-    is_near = wall_px - edges_end_px <= EDGES_END_PX
-    return may_reach_wall(strip, edges_end_px) and (is_near or continues(strip, edges_end_px, wall_px))
+    is_near = strip.wall_px - edges_end_px <= EDGES_END_PX
+    return may_reach_wall(strip, edges_end_px) and (is_near or continues(strip, edges_end_px, strip.wall_px))
 
 
 def _may_enter(strip: RectifiedStrip, tip: TipEstimate, judged: TipEstimate) -> bool:
     """Return whether a tip outside may be in the wall: its shaft goes on, or it is not certain enough."""
     if tip.where != "outside":
         return False
-    wall_px = float(strip.u_px[strip.outside.stop - 1])
-    is_near = wall_px - judged.u_px <= WALL_SD * judged.shift_sd_px
-    return is_near or continues(strip, tip.u_px, wall_px)
+    is_near = strip.wall_px - judged.u_px <= WALL_SD * judged.shift_sd_px
+    return is_near or continues(strip, tip.u_px, strip.wall_px)
 
 
 def _continues_colored(strip: RectifiedStrip, step: TipEstimate, to_px: float) -> bool:

@@ -7,7 +7,7 @@ PROMPT, SLOW_THERE, SLOW_BACK, BUSY_PAGE = (1, 1), (90, 2), (2, 90), (200, 310)
 
 
 @pytest.fixture
-def told(live, open_page):
+def concluded(live, open_page):
     """What a page concludes from pings that take some time there and back [ms]."""
     page = open_page(live.url)
     program = """async ([pings, ahead_ms, now_ms]) => {
@@ -29,12 +29,12 @@ def told(live, open_page):
         [SLOW_BACK, *[PROMPT] * 30],
     ],
 )
-def test_neither_an_image_nor_a_motion_seems_younger_than_it_is(told, pings):
-    age_ms, stamp_ms, now_ms = told(*pings)
+def test_neither_an_image_nor_a_motion_seems_younger_than_it_is(concluded, pings):
+    age_ms, stamp_ms, now_ms = concluded(*pings)
     assert age_ms == min(there_ms for there_ms, _ in pings)
     assert stamp_ms == NOW_MS + SERVER_AHEAD_MS - min(back_ms for _, back_ms in pings)
     assert stamp_ms <= now_ms <= NOW_MS + SERVER_AHEAD_MS + age_ms
 
 
-def test_before_the_first_ping_nothing_is_known(told):
-    assert told() == [pytest.approx(float("nan"), nan_ok=True)] * 3
+def test_before_the_first_ping_nothing_is_known(concluded):
+    assert concluded() == [pytest.approx(float("nan"), nan_ok=True)] * 3
