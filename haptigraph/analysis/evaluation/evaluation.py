@@ -16,7 +16,13 @@ from msgspec.structs import replace
 
 from haptigraph import assemble
 from haptigraph.analysis.evaluation.ground_truth import TruthRow, load_truth
-from haptigraph.analysis.evaluation.tip_scores import TipError, outside_scores, tip_error, tip_scores
+from haptigraph.analysis.evaluation.tip_scores import (
+    TipError,
+    outside_scores,
+    quantiles,
+    tip_error,
+    tip_scores,
+)
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
@@ -44,6 +50,7 @@ __all__ = [
 CLIP_FILES = ("clip.mp4", "registration.toml", "truth.csv")
 MIN_DEPTH_MM = 2.0
 SHALLOW_MM = (1.0, 3.0)
+MIN_SD_DEG = 1e-6  # of an angle that is certain: its error counts all the same
 WALL_MM = 2.0  # a tip that disappears this close to the RCM is in the wall
 CONTACT, HIT = "retinal_contact", "target_hit"
 NOT_SILENT = {CONTACT, HIT, UNKNOWN, TIP_NOT_VISIBLE}
@@ -125,6 +132,8 @@ class Errors(Struct, frozen=True):
     """(depth [mm], error [px]) of tips detected inside."""
     angles_deg: list[tuple[float, float]]
     """(depth [mm], absolute error [deg]) of shafts detected inside."""
+    angle_z: list[float]
+    """These errors in reported standard deviations, where one is reported, at least 1 mm deep."""
     agreed: list[bool]
     """Whether the state agrees with the ground truth, for the images that count."""
     wrong_contact_images: int
@@ -145,6 +154,14 @@ def _theta_error_deg(step: Step, row: TruthRow) -> float | None:
     """Return the absolute error of theta."""
     theta_deg = step.graph.measures.get("theta_deg")
     return None if theta_deg is None or row.theta_deg is None else abs(theta_deg - row.theta_deg)
+
+
+def _angle_z(step: Step, error_deg: float | None) -> float | None:
+    """Return an angle's error per reported standard deviation; None without either."""
+    certainty = step.observation.certainty
+    if error_deg is None or certainty is None:
+        return None
+    return error_deg / max(certainty.theta_sd_deg, MIN_SD_DEG)
 
 
 def errors_of(
@@ -182,6 +199,11 @@ def errors_of(
         ),
         tips_px=[(depth, error) for depth, error in tip_errors if error is not None],
         angles_deg=[(depth, error) for depth, error in angle_errors if error is not None],
+        angle_z=[
+            z
+            for (depth, error), (_, number) in zip(angle_errors, inside, strict=True)
+            if depth >= SHALLOW_MM[0] and (z := _angle_z(steps[number], error)) is not None
+        ],
         agreed=_agreement(states, true_states, occluded),
         wrong_contact_images=_wrong_contacts(states, true_states),
         contact_images=len(contacts),
@@ -209,8 +231,8 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
 
     Returns:
         images, needle_images, detection_rate, false_detections, tip_error_px, tip_error_mm, angle_error_deg,
-        state_agreement, wrong_contact_images, contact_images, missed_contact_images, those of `tip_scores`
-        and `outside_scores`, state_changes, final_state.
+        angle_z, state_agreement, wrong_contact_images, contact_images, missed_contact_images, those of
+        `tip_scores` and `outside_scores`, state_changes, final_state.
     """
     errors = errors_of(steps, truth, image)
     tips_px = [error for _, error in errors.tips_px]
@@ -223,6 +245,7 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
         "tip_error_px": spread(tips_px),
         "tip_error_mm": spread([error * image.mm_per_px for error in tips_px]),
         "angle_error_deg": angle_spreads(errors.angles_deg),
+        "angle_z": quantiles(errors.angle_z),
         "state_agreement": share(errors.agreed),
         "wrong_contact_images": errors.wrong_contact_images,
         "contact_images": errors.contact_images,

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from haptigraph import assemble
 from haptigraph.analysis.evaluation.evaluation import Errors, angle_spreads, errors_of, share, spread
 from haptigraph.analysis.evaluation.ground_truth import TruthRow
-from haptigraph.analysis.evaluation.tip_scores import outside_scores, tip_scores
+from haptigraph.analysis.evaluation.tip_scores import outside_scores, quantiles, tip_scores
 from haptigraph.config import Config
 from haptigraph.geometry import Point, Segment, Vec, angle_between_deg, subtract
 from haptigraph.inference.engine import RuleEngine, without_time
@@ -117,6 +117,7 @@ def pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
         "false_detections": sum(errors.false_detections for errors in scenes),
         "tip_error_px": spread([error for errors in scenes for _, error in errors.tips_px]),
         "angle_error_deg": angle_spreads(angles_deg),
+        "angle_z": quantiles([z for errors in scenes for z in errors.angle_z]),
         "state_agreement": share([hit for errors in scenes for hit in errors.agreed]),
         "wrong_contact_images": sum(errors.wrong_contact_images for errors in scenes),
         "contact_images": sum(errors.contact_images for errors in scenes),

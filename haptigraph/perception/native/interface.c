@@ -48,8 +48,8 @@ EXPORT const Entry entries[] = {
     SIZE(Run), F(lane), F(first), F(stop), F(part), F(on_line),
 #undef F
 #define F(field) FIELD(LineFit, field)
-    SIZE(LineFit), F(offset_px), F(slope), F(covariance), F(width_px), F(blur_px), F(scatter), F(appearance),
-    F(is_on_line), F(is_steep), F(blocks), F(on_line), F(max_offset_px),
+    SIZE(LineFit), F(offset_px), F(slope), F(covariance), F(light_slope), F(width_px), F(blur_px), F(scatter),
+    F(appearance), F(is_on_line), F(is_steep), F(blocks), F(on_line), F(max_offset_px),
 #undef F
 #define F(field) FIELD(Appearance, field)
     SIZE(Appearance), F(highlight), F(highlight_sd), F(images), F(shaded_px),

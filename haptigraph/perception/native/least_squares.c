@@ -1,18 +1,20 @@
 /* A line through the middles of pairs of edges: robust, inverse-variance-weighted least squares, starting
    from the expected line or from the one that most pairs agree on.
 
-   The light enters as further unknowns with priors. It may shift each side of the wall as a whole, and does
-   where one edge fades into the shade. A specular highlight runs beside the axis, the further the thicker the
-   shaft: it shifts the middle of a pair by a share of its width. Feet have no highlight. */
+   The light shifts the middles, too. On either side of the wall it may shift all of them: by as much as is
+   expected where one edge fades into the shade, and by more or less, which no residual shows. A specular
+   highlight runs beside the axis, the further the thicker the shaft: it shifts the middle of a bright pair by
+   a share of its width, one of the unknowns. Feet have no highlight. */
 
 #include "least_squares.h"
 
 #include <string.h>
 
-#define SIDE_PX 0.2       /* prior sd of the shift on one side of the wall */
-#define BRIGHT_SHARE 0.03 /* of the highlight's, as a share of a bright pair's width */
-#define DARK_SHARE 0.015
-#define FINEST_PX 2.4 /* width of the finest line, through the lens and the slope filter */
+#define MIN_WEIGHT 1e-6   /* inverse variance of an unknown that no pair determines */
+#define SIDE_PX 0.2       /* sd of the shift on one side of the wall, besides what is expected */
+#define BRIGHT_SHARE 0.03 /* of the shift of a bright pair, as a share of its width */
+#define FINEST_PX 2.4     /* width of the finest line, through the lens and the slope filter */
+#define MIN_SCATTER 0.05  /* mean squared residual over the expected variance */
 #define TUKEY 4.0
 #define ROUNDS 3
 #define MAX_REACH_PX 3.0
@@ -83,51 +85,59 @@ static void invert(double matrix[UNKNOWNS][UNKNOWNS]) {
     }
 }
 
-/* Write one row of the design matrix: what each unknown does to the middle of a pair. */
-static void design_row(const Pairs *pairs, int pair, double design[UNKNOWNS]) {
+/* Multiply a matrix by a vector. */
+static void multiply(double matrix[UNKNOWNS][UNKNOWNS], const double vector[UNKNOWNS],
+                     double product[UNKNOWNS]) {
+    for (int row = 0; row < UNKNOWNS; row++) {
+        product[row] = 0;
+        for (int column = 0; column < UNKNOWNS; column++)
+            product[row] += matrix[row][column] * vector[column];
+    }
+}
+
+/* Write one row of the design matrix: what each unknown does to the middle of a pair. Return whether the
+   pair is within the globe. */
+static int design_row(const Pairs *pairs, int pair, double design[UNKNOWNS]) {
     const int n = pairs->edges->blocks, block = pair % n;
-    const int is_dark = pair >= n, is_inside = block >= pairs->edges->outside;
-    const double excess_width_px = maximum(pairs->width_px[pair] - FINEST_PX, 0);
     design[0] = 1;
     design[1] = pairs->edges->u_px[block] / SCALE_PX;
-    design[2] = !is_inside;
-    design[3] = is_inside;
-    design[4] = is_dark ? 0 : excess_width_px;
-    design[5] = is_dark ? excess_width_px : 0;
+    design[2] = pair < n ? maximum(pairs->width_px[pair] - FINEST_PX, 0) : 0;
+    return block >= pairs->edges->outside;
 }
 
-/* Begin the normal equations with the priors; `right` is their right-hand side. */
-static void set_priors(const Appearance *appearance, double matrix[UNKNOWNS][UNKNOWNS],
-                       double right[UNKNOWNS]) {
-    const double variances[UNKNOWNS] = {
-        1e6, 1e6, square(SIDE_PX), square(SIDE_PX), square(BRIGHT_SHARE), square(DARK_SHARE)};
-    memset(matrix, 0, sizeof(double[UNKNOWNS][UNKNOWNS]));
-    for (int k = 0; k < UNKNOWNS; k++) matrix[k][k] = 1 / variances[k], right[k] = 0;
-    for (int side = 0; side < 2; side++) {
-        right[2 + side] = isnan(appearance->shaded_px[side]) ? 0 : matrix[2][2] * appearance->shaded_px[side];
-    }
-    if (!isnan(appearance->highlight)) {
-        matrix[4][4] = 1 / square(appearance->highlight_sd);
-        right[4] = matrix[4][4] * appearance->highlight;
-    }
+/* By how much the light is expected to shift middles on either side of the wall. */
+static double shift_px(const Appearance *appearance, int is_inside) {
+    return isnan(appearance->shaded_px[is_inside]) ? 0 : appearance->shaded_px[is_inside];
 }
 
-/* Solve once by least squares, without pairs further than `reach_px` off the line. */
+/* The inverse variance of the highlight's share before this image. */
+static double highlight_weight(const Appearance *appearance) {
+    return 1 / square(isnan(appearance->highlight) ? BRIGHT_SHARE : appearance->highlight_sd);
+}
+
+/* Solve once by least squares, without pairs further than `reach_px` off the line. `outside` receives what a
+   shift of all pairs outside the globe adds to the right-hand side. */
 static void solve_once(const Pairs *pairs, const Appearance *appearance, double reach_px,
-                       Residuals *residuals, Solution *found) {
-    double design[UNKNOWNS], right[UNKNOWNS];
-    set_priors(appearance, found->covariance, right);
+                       Residuals *residuals, Solution *found, double outside[UNKNOWNS]) {
+    const double weight_before = highlight_weight(appearance);
+    double design[UNKNOWNS], right[UNKNOWNS] = {0};
+    memset(found->covariance, 0, sizeof found->covariance);
+    memset(outside, 0, sizeof right);
+    found->covariance[0][0] = found->covariance[1][1] = MIN_WEIGHT, found->covariance[2][2] = weight_before;
+    if (!isnan(appearance->highlight)) right[2] = weight_before * appearance->highlight;
     for (int pair = 0; pair < residuals->pairs; pair++) {
         const double closeness = maximum(1 - square(residuals->residual_px[pair] / reach_px), 0);
         const double weight = residuals->weight[pair] * square(closeness); /* Tukey's */
         residuals->is_inlier[pair] = weight > 0;
         if (!(weight > 0)) continue;
-        design_row(pairs, pair, design);
+        const int is_inside = design_row(pairs, pair, design);
+        const double middle_px = pairs->middle_px[pair] - shift_px(appearance, is_inside);
         for (int row = 0; row < UNKNOWNS; row++) {
             const double by = weight * design[row];
             for (int column = 0; column <= row; column++)
                 found->covariance[row][column] += by * design[column];
-            right[row] += by * pairs->middle_px[pair];
+            right[row] += by * middle_px;
+            if (!is_inside) outside[row] += by;
         }
     }
     for (int row = 0; row < UNKNOWNS; row++) {
@@ -135,24 +145,31 @@ static void solve_once(const Pairs *pairs, const Appearance *appearance, double 
             found->covariance[column][row] = found->covariance[row][column];
     }
     invert(found->covariance);
-    for (int row = 0; row < UNKNOWNS; row++) {
-        found->answer[row] = 0;
-        for (int column = 0; column < UNKNOWNS; column++) {
-            found->answer[row] += found->covariance[row][column] * right[column];
-        }
-    }
+    multiply(found->covariance, right, found->answer);
     for (int pair = 0; pair < residuals->pairs; pair++) {
-        design_row(pairs, pair, design);
-        double expected_px = 0;
+        double expected_px = shift_px(appearance, design_row(pairs, pair, design));
         for (int k = 0; k < UNKNOWNS; k++) expected_px += found->answer[k] * design[k];
         residuals->residual_px[pair] = pairs->middle_px[pair] - expected_px;
+    }
+}
+
+/* Turn the covariance for the expected variances of pairs into the one for `times` as large ones. What was
+   known of the highlight before does not get more certain by that. */
+static void scale_noise(const Appearance *appearance, double times, double covariance[UNKNOWNS][UNKNOWNS]) {
+    double of_highlight[UNKNOWNS];
+    for (int row = 0; row < UNKNOWNS; row++) of_highlight[row] = covariance[row][2];
+    for (int row = 0; row < UNKNOWNS; row++) {
+        for (int column = 0; column < UNKNOWNS; column++) {
+            const double known = highlight_weight(appearance) * of_highlight[row] * of_highlight[column];
+            covariance[row][column] = times * covariance[row][column] + (1 - times) * known;
+        }
     }
 }
 
 /* Solve by least squares, reweighted without outliers; starts from the residuals that are given. */
 void solve(const Pairs *pairs, const Appearance *appearance, double reach_px, Residuals *residuals,
            Solution *found) {
-    double off_px[residuals->pairs];
+    double off_px[residuals->pairs], outside[UNKNOWNS], by_outside[UNKNOWNS];
     for (int round = 0; round < ROUNDS; round++) {
         if (round) {
             int usable = 0;
@@ -161,7 +178,7 @@ void solve(const Pairs *pairs, const Appearance *appearance, double reach_px, Re
             }
             reach_px = minimum(maximum(TUKEY * 1.4826 * median(off_px, usable), MIN_REACH_PX), MAX_REACH_PX);
         }
-        solve_once(pairs, appearance, reach_px, residuals, found);
+        solve_once(pairs, appearance, reach_px, residuals, found, outside);
     }
     double sum = 0;
     int inliers = 0;
@@ -170,4 +187,7 @@ void solve(const Pairs *pairs, const Appearance *appearance, double reach_px, Re
         if (residuals->is_inlier[pair]) sum += residuals->weight[pair] * square(residuals->residual_px[pair]);
     }
     found->scatter = sum / (inliers > 2 ? inliers - 2 : 1);
+    multiply(found->covariance, outside, by_outside);
+    found->light_slope = sqrt(2) * SIDE_PX * fabs(by_outside[1]); /* a shift inside turns the line back */
+    scale_noise(appearance, maximum(found->scatter, MIN_SCATTER), found->covariance);
 }

@@ -4,7 +4,7 @@
 
 #include "edges.h"
 
-#define UNKNOWNS 6 /* offset, slope, a shift on either side of the wall, one by the width of either pair */
+#define UNKNOWNS 3     /* offset, slope, and the highlight's place as a share of its width */
 #define SCALE_PX 100.0 /* of the slope: keeps the normal equations well conditioned */
 
 /* The pairs that a line is fitted to: edges, or their feet. */
@@ -23,7 +23,7 @@ typedef struct {
 } Residuals;
 
 typedef struct {
-    double answer[UNKNOWNS], covariance[UNKNOWNS][UNKNOWNS], scatter;
+    double answer[UNKNOWNS], covariance[UNKNOWNS][UNKNOWNS], light_slope, scatter;
 } Solution;
 
 void residuals_of_common_line(const Pairs *pairs, const double *weight, double *residual_px);

@@ -8,13 +8,12 @@
 
 #define CLEAR_CONFIDENCE 0.6   /* with less, in noise, */
 #define LONG_BLOCK (3 * BLOCK) /* so many stations are averaged */
-#define MIN_SCATTER 0.05       /* mean squared residual over the expected variance */
 #define NEAR_PX 3.0
 #define MIN_STEEP_SHARE 0.25 /* of the shaft's edges: its shadow's are less steep */
 #define NARROWER_PX 1.2
 #define WIDER_PX 3.0
 #define FROM_COMMON_PX 1.5    /* a pair so far off the common line may be on the right one */
-#define MESSY_SCATTER 3.0     /* the line may run between two objects */
+#define MESSY_SCATTER 1.0     /* the line may run between two objects */
 #define UNEXPECTED_PX 3.0     /* off the expected line: it may run along another object */
 #define MIN_LEAN_PX2 0.25     /* how much blurrier one edge may be than the other in the same light */
 #define LEAN_RATE 0.35        /* shift of the middle away from an edge that fades, per px2; */
@@ -133,21 +132,20 @@ static void mark_steep(const Pairs *pairs, const Residuals *residuals, uint8_t *
 static void conclude(const Pairs *pairs, const Appearance *appearance, const Residuals *residuals,
                      const Solution *found, LineFit *fit) {
     const int n = pairs->edges->blocks;
-    const double spread = maximum(found->scatter, MIN_SCATTER);
     fit->offset_px = found->answer[0];
     fit->slope = found->answer[1] / SCALE_PX;
-    fit->covariance[0] = spread * found->covariance[0][0];
-    fit->covariance[1] = spread * found->covariance[0][1] / SCALE_PX;
-    fit->covariance[2] = spread * found->covariance[1][1] / square(SCALE_PX);
+    fit->covariance[0] = found->covariance[0][0];
+    fit->covariance[1] = found->covariance[0][1] / SCALE_PX;
+    fit->covariance[2] = found->covariance[1][1] / square(SCALE_PX);
+    fit->light_slope = found->light_slope / SCALE_PX;
     fit->width_px = median_where(pairs->width_px, residuals->is_inlier, 2 * n);
     fit->blur_px = sharp_blur_px(median_where(pairs->edges->blur_px2[0], residuals->is_inlier, 2 * n),
                                  median_where(pairs->edges->blur_px2[1], residuals->is_inlier, 2 * n));
     fit->scatter = found->scatter;
     fit->appearance = *appearance;
     if (!isnan(appearance->highlight)) {
-        fit->appearance.highlight = found->answer[4];
-        fit->appearance.highlight_sd =
-            sqrt(found->covariance[4][4] * maximum(found->scatter, 1) + square(HIGHLIGHT_CHANGE));
+        fit->appearance.highlight = found->answer[2];
+        fit->appearance.highlight_sd = sqrt(found->covariance[2][2] + square(HIGHLIGHT_CHANGE));
     }
     const double first_px = fit->offset_px + fit->slope * pairs->edges->u_px[0];
     const double last_px = fit->offset_px + fit->slope * pairs->edges->u_px[n - 1];

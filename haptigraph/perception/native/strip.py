@@ -47,7 +47,10 @@ _STRIP = LIBRARY.layout(
 _APPEARANCE = LIBRARY.layout("Appearance", ("d", "highlight highlight_sd images shaded_px"))
 _LINE_FIT = LIBRARY.layout(
     "LineFit",
-    *(("d", "offset_px slope covariance width_px blur_px scatter appearance"), ("p", "is_on_line is_steep")),
+    *(
+        ("d", "offset_px slope covariance light_slope width_px blur_px scatter appearance"),
+        ("p", "is_on_line is_steep"),
+    ),
     *(("i", "blocks on_line"), ("d", "max_offset_px")),
 )
 
@@ -230,8 +233,8 @@ def fit_line(
     if not status:
         return None
     numbers = _LINE_FIT.unpack(fit)
-    blocks = numbers[15]
-    return numbers[:13] + numbers[15:], u_px[:blocks], masks[0, :blocks], masks[1, :blocks].tobytes()
+    blocks = numbers[16]
+    return numbers[:14] + numbers[16:], u_px[:blocks], masks[0, :blocks], masks[1, :blocks].tobytes()
 
 
 def refine_tip(

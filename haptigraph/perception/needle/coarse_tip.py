@@ -40,7 +40,7 @@ class TipEstimate(Struct, frozen=True):
     sd_px: float = 5.0
     """What noise does to it."""
     shift_sd_px: float = 0.0
-    """Standard deviation of what shifts it from the tip in many images alike: blur, or a point that fades."""
+    """The same with what shifts it in many images alike: blur, or a point that fades; 0 if unknown."""
     contrast_grey: float = 0.0
     """Of the needle behind its tip; 0 if not measured."""
     is_known: bool = True

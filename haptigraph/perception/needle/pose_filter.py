@@ -135,12 +135,17 @@ class PoseFilter:
         """Standard deviation of the angle."""
         return math.sqrt(self._covariance[0][0])
 
-    def tip_sd_px(self) -> float:
-        """Standard deviation of the tip: along and across the shaft together."""
+    def tip_sd_px(self, measured_sd_px: float = 0.0) -> float:
+        """Return the standard deviation of the tip, along and across the shaft together.
+
+        Args:
+            measured_sd_px: That of the last measurement along the shaft, with what is alike in all images and
+                does not average out.
+        """
         nx, ny = (0.0, 0.0) if self._free_line is not None else self.line.normal
         across = self._depth.px, 0.0, nx, ny
         spread = [_dot(row, across) for row in self._covariance]
-        return math.sqrt(self._depth.variance_px2 + _dot(spread, across))
+        return math.sqrt(max(self._depth.variance_px2, measured_sd_px**2) + _dot(spread, across))
 
 
 def _dot(one: Row, other: Row) -> float:

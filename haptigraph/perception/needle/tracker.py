@@ -311,11 +311,11 @@ class Tracker:
         return {"needle_line": Segment(to_mm(start), to_mm(end))}
 
     def _certainty(self, detection: Detection) -> Certainty:
-        tip_sd_px = math.hypot(self._pose.tip_sd_px(), detection.tip.shift_sd_px)
+        tip_sd_px = self._pose.tip_sd_px(detection.tip.shift_sd_px)
         return Certainty(
             confidence=detection.fit.confidence,
             tip_sd_mm=tip_sd_px / self._eye.px_per_mm if detection.tip.is_known else None,
-            theta_sd_deg=math.degrees(self._pose.angle_sd_rad),
+            theta_sd_deg=math.degrees(math.hypot(self._pose.angle_sd_rad, detection.fit.light_slope)),
         )
 
 

@@ -117,6 +117,7 @@ KEYS = {
     "tip_error_px": dict,
     "tip_error_mm": dict,
     "angle_error_deg": dict,
+    "angle_z": dict,
     "state_agreement": float,
     "wrong_contact_images": int,
     "contact_images": int,
@@ -208,6 +209,14 @@ def test_tips_before_the_globe_have_scores_of_their_own():
     assert scores["outside_z"]["p997"] == pytest.approx(4 * 2**0.5, rel=0.01)
     inside = score([uncertain(0.1)], [row()], IMAGE)
     assert inside["outside_tips"] == 0 and inside["outside_far_rate"] is None
+
+
+def test_the_certainty_of_an_angle_goes_by_its_error():
+    steps = [uncertain(0.1, theta_deg=10.0 + n / 100) for n in range(101)]
+    scores = score(steps, [row(theta_deg=10.0)] * 101, IMAGE)
+    assert scores["angle_z"] == pytest.approx({"p68": 6.8, "p95": 9.5, "p997": 9.97})
+    uncounted = score([step(), uncertain(0.1)], [row(), row(depth_mm=0.9)], IMAGE)
+    assert set(uncounted["angle_z"].values()) == {None}
 
 
 def test_bias_and_certainty_go_by_the_error_along_the_shaft():

@@ -65,6 +65,13 @@ def test_a_needle_outside_need_not_pass_the_trocar():
     assert pose.line.offset_px == 15.0
 
 
+def test_what_is_alike_in_all_images_does_not_average_out():
+    pose = PoseFilter(20.0)
+    hold(pose, SHARP, 50)
+    assert pose.tip_sd_px(3.0) == pytest.approx(3.0, abs=0.1)
+    assert pose.tip_sd_px(0.001) == pose.tip_sd_px() < 1.0
+
+
 def test_uncertainty_grows_without_measurements():
     pose = PoseFilter(20.0)
     hold(pose, SHARP, 10)

@@ -181,6 +181,20 @@ def test_does_not_fit_a_line_to_a_vessel_along_a_shaft(side, from_px, grey):
     assert fit.confidence > 0.6
 
 
+@pytest.mark.parametrize("end_px", [60.0, END_PX])
+def test_light_on_one_side_of_the_wall_turns_the_line_as_far_as_stated(end_px):
+    u_px = np.arange(-140, 200, STATION_PX, dtype=np.float32)
+    slopes = []
+    for shift_px in (0.0, 0.2):
+        across = np.clip(5.5 - abs(LANES - shift_px * (u_px < 0)), 0, 1)
+        strip = drawn_strip(blurred(-80 * across * (u_px <= end_px), 0.8, STATION_PX), u_px)
+        fit = fit_line(strip, end_px, strip.half_px)
+        slopes.append(fit.slope)
+    assert slopes[0] - slopes[1] == pytest.approx(fit.light_slope / math.sqrt(2), rel=0.1)
+    outside = replace(strip, inside=slice(strip.outside.stop, strip.outside.stop))
+    assert fit_line(outside, end_px, strip.half_px).light_slope == pytest.approx(0, abs=1e-9)
+
+
 @pytest.mark.parametrize(("images", "width_px"), [(0, 10), (7, 10), (9, 5), (15, 5), (16, 10)])
 def test_tries_feet_in_the_first_images_and_seldom_once_they_were_no_better(images, width_px):
     strip = shaded_shaft(1, 40.0)
@@ -237,5 +251,5 @@ def test_edges_on_a_background_nearly_as_bright_as_the_needle_reach_its_tip():
 )
 def test_a_shaft_whose_edges_end_before_the_wall_does_not_lead_through_it(before, beyond, leads):
     u_px = 6.0 * np.arange(-len(before), len(beyond), dtype=np.float32)
-    fit = LineFit(0.0, 0.0, (1.0, 0.0, 1.0), 5.0, 0.7, 1.0, NEW, u_px, u_px < 0, before + beyond)
+    fit = LineFit(0.0, 0.0, (1.0, 0.0, 1.0), 0.0, 5.0, 0.7, 1.0, NEW, u_px, u_px < 0, before + beyond)
     assert fit.leads_through(0.0) is leads
