@@ -224,7 +224,7 @@ class TipSelector:
     def with_certainty(self, detection: Detection) -> TipEstimate:
         """Return a detection's tip with its standard deviation, and whether its place is known.
 
-        A tip outside is not, if its shaft goes on to the wall or the wall is near: it may be in the eye.
+        It is not if the wall is near, or if the shaft of a tip outside goes on to it: the tip may be beyond.
         """
         strip, tip = detection.candidate.strip, detection.tip
         if tip.where != "inside":
@@ -232,7 +232,7 @@ class TipSelector:
         if tip.where == "occluded":
             return tip
         judged = self._judged(detection)
-        return replace(judged, is_known=False) if _may_enter(strip, tip, judged) else judged
+        return replace(judged, is_known=False) if _may_be_in_wall(strip, tip, judged) else judged
 
     def _judged(self, detection: Detection) -> TipEstimate:
         tip, scale = detection.tip, self._eye.px_per_mm
@@ -273,10 +273,13 @@ def _shows_to_wall(strip: RectifiedStrip, edges_end_px: float) -> bool:
     return may_reach_wall(strip, edges_end_px) and (is_near or continues(strip, edges_end_px, strip.wall_px))
 
 
-def _may_enter(strip: RectifiedStrip, tip: TipEstimate, judged: TipEstimate) -> bool:
-    """Return whether a tip outside may be in the wall: its shaft goes on, or it is not certain enough."""
-    if tip.where != "outside":
-        return False
+def _may_be_in_wall(strip: RectifiedStrip, tip: TipEstimate, judged: TipEstimate) -> bool:
+    """Return whether a tip may be in the wall or beyond it: it is too near, or its shaft goes on.
+
+    What is right behind the wall may be the wall's own edge, seen where the eye has moved.
+    """
+    if tip.where == "inside":
+        return judged.u_px - float(strip.u_px[strip.inside.start]) <= AT_WALL_PX
     is_near = strip.wall_px - judged.u_px <= WALL_SD * judged.shift_sd_px
     return is_near or continues(strip, tip.u_px, strip.wall_px)
 

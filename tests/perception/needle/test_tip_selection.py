@@ -28,11 +28,13 @@ def places(eye: EyeGeometry, line: Line) -> tuple[np.ndarray, np.ndarray]:
     return (x - x0) * dx + (y - y0) * dy, (y - y0) * dx - (x - x0) * dy
 
 
-def fading_needle(eye: EyeGeometry, line: Line, fades_px: float = FADES_PX) -> np.ndarray:
+def fading_needle(
+    eye: EyeGeometry, line: Line, fades_px: float = FADES_PX, end_px: float = END_PX
+) -> np.ndarray:
     """A dark needle of 5 px that fades towards its end, on a plain background, in focus."""
     along, across = places(eye, line)
-    left = np.clip((END_PX - along) / fades_px, 0, 1) * (1 - FAINTEST) + FAINTEST
-    covered = np.clip(3.0 - abs(across), 0, 1) * np.clip(END_PX + 0.5 - along, 0, 1)
+    left = np.clip((end_px - along) / fades_px, 0, 1) * (1 - FAINTEST) + FAINTEST
+    covered = np.clip(3.0 - abs(across), 0, 1) * np.clip(end_px + 0.5 - along, 0, 1)
     image = cv2.GaussianBlur(GROUND - METAL * left * covered, (0, 0), 0.7)
     return np.clip(image + np.random.default_rng(1).normal(0, 1.0, image.shape), 0, 255).astype(np.uint8)
 
@@ -194,3 +196,16 @@ def test_a_soft_shaft_in_a_strip_that_begins_in_the_globe_does_not_end_before_it
     detection = Detection(Candidate(line, strip, None, coarse), line, soft, coarse)
     tip = TipSelector(eye, background, Bevel(), Focus(eye)).select(image, detection)
     assert tip.where == "inside"
+
+
+@pytest.mark.parametrize(("beyond_px", "is_known"), [(1.5, False), (3.0, False), (10.0, True), (30.0, True)])
+def test_a_tip_right_behind_the_wall_is_not_known(registration, beyond_px, is_known):
+    eye = EyeGeometry(registration)
+    line = Line(eye.inwards_rad + 0.1, 0.0)
+    end_px = eye.wall_px(line)[1] + beyond_px
+    image = fading_needle(eye, line, fades_px=0.1, end_px=end_px)
+    selector, detection = detected(eye, line, image, round(GROUND))
+    tip = selector.with_certainty(replace(detection, tip=selector.select(image, detection)))
+    assert tip.where == "inside"
+    assert tip.u_px == pytest.approx(end_px, abs=1.5)
+    assert tip.is_known == is_known
