@@ -97,6 +97,7 @@ class TipSelector:
     ) -> None:
         self._eye, self._background, self._bevel, self._focus = eye, background, bevel, focus
         self._judge = TipJudge() if uses_network else None
+        self.forget()
 
     def select(self, image: Image, detection: Detection, expected_px: float = math.inf) -> TipEstimate:
         """Select the contrast step that is the tip, and locate it sub-pixel.
@@ -224,15 +225,18 @@ class TipSelector:
     def with_certainty(self, detection: Detection) -> TipEstimate:
         """Return a detection's tip with its standard deviation, and whether its place is known.
 
-        It is not if the wall is near, or if the shaft of a tip outside goes on to it: the tip may be beyond.
+        A tip outside is not, if its shaft goes on to the wall or the wall is near: it may be in the eye. Nor
+        is a tip that has just come through: it may be the wall's edge, seen where the eye has moved.
         """
         strip, tip = detection.candidate.strip, detection.tip
+        is_new = not self._was_inside
         if tip.where != "inside":
             self.forget()
         if tip.where == "occluded":
             return tip
+        self._was_inside = tip.where == "inside"
         judged = self._judged(detection)
-        return replace(judged, is_known=False) if _may_be_in_wall(strip, tip, judged) else judged
+        return replace(judged, is_known=False) if _may_be_in_wall(strip, tip, judged, is_new) else judged
 
     def _judged(self, detection: Detection) -> TipEstimate:
         tip, scale = detection.tip, self._eye.px_per_mm
@@ -242,6 +246,7 @@ class TipSelector:
 
     def forget(self) -> None:
         """Forget how certain the tips of the last images were."""
+        self._was_inside = False
         if self._judge:
             self._judge.forget()
 
@@ -273,13 +278,10 @@ def _shows_to_wall(strip: RectifiedStrip, edges_end_px: float) -> bool:
     return may_reach_wall(strip, edges_end_px) and (is_near or continues(strip, edges_end_px, strip.wall_px))
 
 
-def _may_be_in_wall(strip: RectifiedStrip, tip: TipEstimate, judged: TipEstimate) -> bool:
-    """Return whether a tip may be in the wall or beyond it: it is too near, or its shaft goes on.
-
-    What is right behind the wall may be the wall's own edge, seen where the eye has moved.
-    """
+def _may_be_in_wall(strip: RectifiedStrip, tip: TipEstimate, judged: TipEstimate, is_new: bool) -> bool:
+    """Return whether a tip may be in the wall or beyond it: it is too near, or its shaft goes on."""
     if tip.where == "inside":
-        return judged.u_px - float(strip.u_px[strip.inside.start]) <= AT_WALL_PX
+        return is_new and judged.u_px - float(strip.u_px[strip.inside.start]) <= AT_WALL_PX
     is_near = strip.wall_px - judged.u_px <= WALL_SD * judged.shift_sd_px
     return is_near or continues(strip, tip.u_px, strip.wall_px)
 

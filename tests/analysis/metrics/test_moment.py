@@ -44,7 +44,7 @@ def test_the_text_has_triplets_thresholds_and_changes():
     assert "<needle_line, misaligned, retina_target>  (theta_deg 6.3" in text
     assert "bounds theta_deg > 1.7)" in text
     assert "runner-up  retinal_contact (rule 2, feels 'pulse')" in text
-    assert "advance 1.10 mm along the shaft: the tip moves 1.13 mm" in text
+    assert "advance 1.10 mm along the shaft: the tip moves 1.14 mm" in text
     short = explanation_text(explain_moment(GOLDEN / "wrong_place_then_hit.mcap", 7.996), has_all=False)
     assert short.startswith(text[: text.index("  or  ")]) and short.endswith("--all shows what leads to them")
     assert "counter-clockwise, then advance" in text and "on the way: aligned_retinal_approach" in text

@@ -199,13 +199,15 @@ def test_a_soft_shaft_in_a_strip_that_begins_in_the_globe_does_not_end_before_it
 
 
 @pytest.mark.parametrize(("beyond_px", "is_known"), [(1.5, False), (3.0, False), (10.0, True), (30.0, True)])
-def test_a_tip_right_behind_the_wall_is_not_known(registration, beyond_px, is_known):
+def test_a_tip_that_has_just_come_through_the_wall_is_not_known_at_once(registration, beyond_px, is_known):
     eye = EyeGeometry(registration)
     line = Line(eye.inwards_rad + 0.1, 0.0)
     end_px = eye.wall_px(line)[1] + beyond_px
     image = fading_needle(eye, line, fades_px=0.1, end_px=end_px)
     selector, detection = detected(eye, line, image, round(GROUND))
-    tip = selector.with_certainty(replace(detection, tip=selector.select(image, detection)))
-    assert tip.where == "inside"
-    assert tip.u_px == pytest.approx(end_px, abs=1.5)
-    assert tip.is_known == is_known
+    selected = replace(detection, tip=selector.select(image, detection))
+    for known in (is_known, True):
+        tip = selector.with_certainty(selected)
+        assert tip.where == "inside"
+        assert tip.u_px == pytest.approx(end_px, abs=1.5)
+        assert tip.is_known == known
