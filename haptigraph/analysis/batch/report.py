@@ -11,7 +11,7 @@ from haptigraph.analysis.batch.batch import Batch, open_results
 from haptigraph.analysis.batch.figures import paired_bars, share_bars
 from haptigraph.analysis.batch.results import Row
 from haptigraph.analysis.batch.summary import MAX_LISTED, Moment, Result, Totals
-from haptigraph.analysis.evaluation.evaluation import spread
+from haptigraph.analysis.evaluation.tip_scores import spread
 from haptigraph.analysis.metrics.comparison import identical_line
 from haptigraph.analysis.metrics.page_address import moment_address, page_command, page_procedure
 from haptigraph.analysis.words import counted

@@ -6,9 +6,8 @@ from typing import Any
 from msgspec import Struct
 
 from haptigraph.analysis.archive.about import state_of
-from haptigraph.analysis.evaluation.evaluation import spread
 from haptigraph.analysis.evaluation.report import Report, report_text
-from haptigraph.analysis.evaluation.tip_scores import TipError, quantiles, tip_error, tip_scores
+from haptigraph.analysis.evaluation.tip_scores import TipError, quantiles, spread, tip_error, tip_scores
 from haptigraph.analysis.metrics.replay import (
     own_note,
     recorded_config,

@@ -5,21 +5,28 @@ them and defines every score.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph import assemble
+from haptigraph.analysis.evaluation.angle_scores import (
+    SHALLOW_MM,
+    AngleError,
+    angle_spreads,
+    angle_z,
+    theta_error_deg,
+)
 from haptigraph.analysis.evaluation.ground_truth import TruthRow, load_truth
 from haptigraph.analysis.evaluation.tip_scores import (
     TipError,
     outside_scores,
     quantiles,
+    spread,
     tip_error,
     tip_scores,
 )
@@ -37,20 +44,16 @@ from haptigraph.sources.reading import read_images
 __all__ = [
     "Errors",
     "Evaluation",
-    "angle_spreads",
     "errors_of",
     "evaluate_clip",
     "lag_images",
     "score",
     "share",
-    "spread",
     "tip_mm",
 ]
 
 CLIP_FILES = ("clip.mp4", "registration.toml", "truth.csv")
 MIN_DEPTH_MM = 2.0
-SHALLOW_MM = (1.0, 3.0)
-MIN_SD_DEG = 1e-6  # of an angle that is certain: its error counts all the same
 WALL_MM = 2.0  # a tip that disappears this close to the RCM is in the wall
 CONTACT, HIT = "retinal_contact", "target_hit"
 NOT_SILENT = {CONTACT, HIT, UNKNOWN, TIP_NOT_VISIBLE}
@@ -146,29 +149,11 @@ class Errors(Struct, frozen=True):
     """Of images with a visible tip before the globe; the same."""
 
 
-AngleError = Callable[[Step, TruthRow], float | None]
-"""Absolute error of a step's angle [deg]; None if it has no angle."""
-
-
-def _theta_error_deg(step: Step, row: TruthRow) -> float | None:
-    """Return the absolute error of theta."""
-    theta_deg = step.graph.measures.get("theta_deg")
-    return None if theta_deg is None or row.theta_deg is None else abs(theta_deg - row.theta_deg)
-
-
-def _angle_z(step: Step, error_deg: float | None) -> float | None:
-    """Return an angle's error per reported standard deviation; None without either."""
-    certainty = step.observation.certainty
-    if error_deg is None or certainty is None:
-        return None
-    return error_deg / max(certainty.theta_sd_deg, MIN_SD_DEG)
-
-
 def errors_of(
     steps: Sequence[Step],
     truth: Sequence[TruthRow],
     image: ImageGeometry,
-    angle_error_deg: AngleError = _theta_error_deg,
+    angle_error_deg: AngleError = theta_error_deg,
     cannula_mm: float = 0.0,
 ) -> Errors:
     """Compare steps with the ground truth, image by image.
@@ -202,7 +187,7 @@ def errors_of(
         angle_z=[
             z
             for (depth, error), (_, number) in zip(angle_errors, inside, strict=True)
-            if depth >= SHALLOW_MM[0] and (z := _angle_z(steps[number], error)) is not None
+            if depth >= SHALLOW_MM[0] and (z := angle_z(steps[number], error)) is not None
         ],
         agreed=_agreement(states, true_states, occluded),
         wrong_contact_images=_wrong_contacts(states, true_states),
@@ -215,15 +200,6 @@ def errors_of(
             if row.visible and not row.inside
         ],
     )
-
-
-def angle_spreads(angles_deg: Sequence[tuple[float, float]]) -> dict[str, dict[str, float | None]]:
-    """Summarise (depth [mm], error [deg]) pairs, shallow and deep."""
-    low, high = SHALLOW_MM
-    return {
-        "shallow": spread([error for depth, error in angles_deg if low <= depth <= high]),
-        "deep": spread([error for depth, error in angles_deg if depth > high]),
-    }
 
 
 def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry) -> dict[str, Any]:
@@ -260,13 +236,6 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
 def share(hits: Sequence[bool]) -> float | None:
     """Return the share of hits; None if the sequence is empty."""
     return sum(hits) / len(hits) if hits else None
-
-
-def spread(errors: Sequence[float]) -> dict[str, float | None]:
-    """Return median and 95th percentile; None if the sequence is empty."""
-    if not errors:
-        return {"median": None, "p95": None}
-    return {"median": float(np.median(errors)), "p95": float(np.percentile(errors, 95))}
 
 
 def lag_images(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry) -> float | None:

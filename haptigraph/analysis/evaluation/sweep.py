@@ -12,9 +12,10 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from haptigraph import assemble
-from haptigraph.analysis.evaluation.evaluation import Errors, angle_spreads, errors_of, share, spread
+from haptigraph.analysis.evaluation.angle_scores import angle_spreads
+from haptigraph.analysis.evaluation.evaluation import Errors, errors_of, share
 from haptigraph.analysis.evaluation.ground_truth import TruthRow
-from haptigraph.analysis.evaluation.tip_scores import outside_scores, quantiles, tip_scores
+from haptigraph.analysis.evaluation.tip_scores import outside_scores, quantiles, spread, tip_scores
 from haptigraph.config import Config
 from haptigraph.geometry import Point, Segment, Vec, angle_between_deg, subtract
 from haptigraph.inference.engine import RuleEngine, without_time

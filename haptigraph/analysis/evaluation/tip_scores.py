@@ -11,7 +11,7 @@ from haptigraph.geometry import Point, Segment, Vec, subtract, unit
 from haptigraph.messages import Step
 from haptigraph.projection import ImageGeometry
 
-__all__ = ["TipError", "outside_scores", "quantiles", "tip_error", "tip_scores"]
+__all__ = ["TipError", "outside_scores", "quantiles", "spread", "tip_error", "tip_scores"]
 
 FAR_MM = 0.3
 MIN_SD_MM = 1e-6  # of a tip that is certain: its error counts all the same
@@ -65,6 +65,13 @@ def outside_scores(errors: Sequence[TipError | None]) -> dict[str, Any]:
         "outside_far_rate": scores["tip_far_rate"],
         "outside_z": scores["tip_z"],
     }
+
+
+def spread(errors: Sequence[float]) -> dict[str, float | None]:
+    """Return median and 95th percentile; None if the sequence is empty."""
+    if not errors:
+        return {"median": None, "p95": None}
+    return {"median": float(np.median(errors)), "p95": float(np.percentile(errors, 95))}
 
 
 def quantiles(z: Sequence[float]) -> dict[str, float | None]:

@@ -48,7 +48,7 @@ EXPORT const Entry entries[] = {
     SIZE(Run), F(lane), F(first), F(stop), F(part), F(on_line),
 #undef F
 #define F(field) FIELD(LineFit, field)
-    SIZE(LineFit), F(offset_px), F(slope), F(covariance), F(light_slope), F(width_px), F(blur_px), F(scatter),
+    SIZE(LineFit), F(offset_px), F(slope), F(covariance), F(light_rad), F(width_px), F(blur_px), F(scatter),
     F(appearance), F(is_on_line), F(is_steep), F(blocks), F(on_line), F(max_offset_px),
 #undef F
 #define F(field) FIELD(Appearance, field)

@@ -188,6 +188,6 @@ void solve(const Pairs *pairs, const Appearance *appearance, double reach_px, Re
     }
     found->scatter = sum / (inliers > 2 ? inliers - 2 : 1);
     multiply(found->covariance, outside, by_outside);
-    found->light_slope = sqrt(2) * SIDE_PX * fabs(by_outside[1]); /* a shift inside turns the line back */
+    found->light_rad = sqrt(2) * SIDE_PX * fabs(by_outside[1]); /* a shift inside turns the line back */
     scale_noise(appearance, maximum(found->scatter, MIN_SCATTER), found->covariance);
 }

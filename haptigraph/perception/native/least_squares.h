@@ -23,7 +23,7 @@ typedef struct {
 } Residuals;
 
 typedef struct {
-    double answer[UNKNOWNS], covariance[UNKNOWNS][UNKNOWNS], light_slope, scatter;
+    double answer[UNKNOWNS], covariance[UNKNOWNS][UNKNOWNS], light_rad, scatter;
 } Solution;
 
 void residuals_of_common_line(const Pairs *pairs, const double *weight, double *residual_px);

@@ -84,7 +84,7 @@ typedef struct {
 
 /* A straight line across a strip: v = offset_px + slope u. */
 typedef struct {
-    double offset_px, slope, covariance[3], light_slope, width_px, blur_px, scatter;
+    double offset_px, slope, covariance[3], light_rad, width_px, blur_px, scatter;
     Appearance appearance;
     uint8_t *is_on_line, *is_steep; /* of each block, (blocks) */
     int blocks, on_line;

@@ -137,7 +137,7 @@ static void conclude(const Pairs *pairs, const Appearance *appearance, const Res
     fit->covariance[0] = found->covariance[0][0];
     fit->covariance[1] = found->covariance[0][1] / SCALE_PX;
     fit->covariance[2] = found->covariance[1][1] / square(SCALE_PX);
-    fit->light_slope = found->light_slope / SCALE_PX;
+    fit->light_rad = found->light_rad / SCALE_PX;
     fit->width_px = median_where(pairs->width_px, residuals->is_inlier, 2 * n);
     fit->blur_px = sharp_blur_px(median_where(pairs->edges->blur_px2[0], residuals->is_inlier, 2 * n),
                                  median_where(pairs->edges->blur_px2[1], residuals->is_inlier, 2 * n));

@@ -48,7 +48,7 @@ _APPEARANCE = LIBRARY.layout("Appearance", ("d", "highlight highlight_sd images 
 _LINE_FIT = LIBRARY.layout(
     "LineFit",
     *(
-        ("d", "offset_px slope covariance light_slope width_px blur_px scatter appearance"),
+        ("d", "offset_px slope covariance light_rad width_px blur_px scatter appearance"),
         ("p", "is_on_line is_steep"),
     ),
     *(("i", "blocks on_line"), ("d", "max_offset_px")),

@@ -45,8 +45,8 @@ class LineFit(Struct, frozen=True, eq=False):
     slope: float
     covariance: tuple[float, float, float]
     """Of (offset_px, offset_px), (offset_px, slope) and (slope, slope): by noise, other in every image."""
-    light_slope: float
-    """Standard deviation of the slope by the light on the metal, the same in every image."""
+    light_rad: float
+    """Standard deviation of its angle by the light on the metal, the same in every image."""
     width_px: float
     """Of the shaft, a median."""
     blur_px: float
@@ -105,10 +105,10 @@ def fit_line(
     if found is None:
         return None
     numbers, u_px, is_on_line, is_steep = found
-    offset_px, slope, offset_px2, both, slope2, light_slope, width_px, blur_px, _, *others = numbers
+    offset_px, slope, offset_px2, both, slope2, light_rad, width_px, blur_px, _, *others = numbers
     *shown, blocks, on_line, _ = others
     return LineFit(
-        *(offset_px, slope, (offset_px2, both, slope2), light_slope, width_px, blur_px, on_line / blocks),
+        *(offset_px, slope, (offset_px2, both, slope2), light_rad, width_px, blur_px, on_line / blocks),
         *(_from_numbers(shown), u_px, is_on_line, is_steep),
     )
 

@@ -97,7 +97,7 @@ class TipSelector:
     ) -> None:
         self._eye, self._background, self._bevel, self._focus = eye, background, bevel, focus
         self._judge = TipJudge() if uses_network else None
-        self.forget()
+        self._was_inside = False
 
     def select(self, image: Image, detection: Detection, expected_px: float = math.inf) -> TipEstimate:
         """Select the contrast step that is the tip, and locate it sub-pixel.

@@ -315,7 +315,7 @@ class Tracker:
         return Certainty(
             confidence=detection.fit.confidence,
             tip_sd_mm=tip_sd_px / self._eye.px_per_mm if detection.tip.is_known else None,
-            theta_sd_deg=math.degrees(math.hypot(self._pose.angle_sd_rad, detection.fit.light_slope)),
+            theta_sd_deg=math.degrees(math.hypot(self._pose.angle_sd_rad, detection.fit.light_rad)),
         )
 
 

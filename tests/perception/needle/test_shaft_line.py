@@ -190,9 +190,9 @@ def test_light_on_one_side_of_the_wall_turns_the_line_as_far_as_stated(end_px):
         strip = drawn_strip(blurred(-80 * across * (u_px <= end_px), 0.8, STATION_PX), u_px)
         fit = fit_line(strip, end_px, strip.half_px)
         slopes.append(fit.slope)
-    assert slopes[0] - slopes[1] == pytest.approx(fit.light_slope / math.sqrt(2), rel=0.1)
+    assert slopes[0] - slopes[1] == pytest.approx(fit.light_rad / math.sqrt(2), rel=0.1)
     outside = replace(strip, inside=slice(strip.outside.stop, strip.outside.stop))
-    assert fit_line(outside, end_px, strip.half_px).light_slope == pytest.approx(0, abs=1e-9)
+    assert fit_line(outside, end_px, strip.half_px).light_rad == pytest.approx(0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("images", "width_px"), [(0, 10), (7, 10), (9, 5), (15, 5), (16, 10)])
