@@ -156,11 +156,12 @@ static void solve_once(const Pairs *pairs, const Appearance *appearance, double 
 /* Turn the covariance for the expected variances of pairs into the one for `times` as large ones. What was
    known of the highlight before does not get more certain by that. */
 static void scale_noise(const Appearance *appearance, double times, double covariance[UNKNOWNS][UNKNOWNS]) {
+    const double weight_before = highlight_weight(appearance);
     double of_highlight[UNKNOWNS];
     for (int row = 0; row < UNKNOWNS; row++) of_highlight[row] = covariance[row][2];
     for (int row = 0; row < UNKNOWNS; row++) {
         for (int column = 0; column < UNKNOWNS; column++) {
-            const double known = highlight_weight(appearance) * of_highlight[row] * of_highlight[column];
+            const double known = weight_before * of_highlight[row] * of_highlight[column];
             covariance[row][column] = times * covariance[row][column] + (1 - times) * known;
         }
     }

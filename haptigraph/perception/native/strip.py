@@ -112,6 +112,11 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
         """Position of the last station outside the wall; there must be one."""
         return float(self.u_px[self.outside.stop - 1])
 
+    @property
+    def inner_px(self) -> float:
+        """Position of the first station within the globe; there must be one."""
+        return float(self.u_px[self.inside.start])
+
     def __post_init__(self) -> None:
         excess, detrended, u_px, is_known = self.excess, self.detrended, self.u_px, self.is_known
         rows, others = checked_rows("excess", excess), checked_rows("detrended", detrended)
@@ -232,9 +237,9 @@ def fit_line(
         raise MemoryError("no memory to fit a line to the shaft")
     if not status:
         return None
-    numbers = _LINE_FIT.unpack(fit)
-    blocks = numbers[16]
-    return numbers[:14] + numbers[16:], u_px[:blocks], masks[0, :blocks], masks[1, :blocks].tobytes()
+    *numbers, _, _, blocks, on_line, max_offset_px = _LINE_FIT.unpack(fit)
+    numbers += blocks, on_line, max_offset_px
+    return tuple(numbers), u_px[:blocks], masks[0, :blocks], masks[1, :blocks].tobytes()
 
 
 def refine_tip(

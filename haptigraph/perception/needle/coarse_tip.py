@@ -115,6 +115,6 @@ class Cannulas:
         """Return whether something short is in the globe, and no needle outside leads to it."""
         if tip.where != "inside":
             return False
-        inside_px = tip.u_px - float(strip.u_px[strip.inside.start])
+        inside_px = tip.u_px - strip.inner_px
         outside_px = tip.evidence_px - inside_px
         return inside_px <= CANNULA_MM * self._px_per_mm and outside_px < LEADING_MM * self._px_per_mm

@@ -43,7 +43,7 @@ def sharp_end(strip: RectifiedStrip, tip: TipEstimate) -> TipEstimate | None:
     Returns:
         The tip, or None if there is something sharp right before it, or nowhere.
     """
-    start, start_px = strip.inside.start, float(strip.u_px[strip.inside.start])
+    start, start_px = strip.inside.start, strip.inner_px
     shown = len(strip.u_px) - start  # a tip may be refined to right beyond the strip
     groups = min(int((tip.u_px - start_px) / STATION_PX) + 1, shown) + 1 - GROUP
     excess = strip.excess[:, start : start + groups + GROUP - 1]

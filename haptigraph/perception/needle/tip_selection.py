@@ -67,8 +67,7 @@ class Detection(Struct, frozen=True, eq=False):
     @property
     def edges_end_px(self) -> float:
         """How far along the strip both edges of the shaft are visible inside the globe."""
-        strip = self.candidate.strip
-        return self.fit.end_px(float(strip.u_px[strip.inside.start]))
+        return self.fit.end_px(self.candidate.strip.inner_px)
 
     def is_adrift(self, px_per_mm: float) -> bool:
         """Return whether what is in the globe does not show beside the wall: it is debris."""
@@ -109,7 +108,7 @@ class TipSelector:
         """
         strip, fit, tip = detection.candidate.strip, detection.fit, detection.tip
         edges_end_px = fit.end_px(float(strip.u_px[0]))
-        inner_px = float(strip.u_px[strip.inside.start]) if tip.where == "inside" else math.inf
+        inner_px = strip.inner_px if tip.where == "inside" else math.inf
         enters = fit.leads_through(inner_px) or _shows_to_wall(strip, edges_end_px)
         if tip.where == "inside" and not enters:
             outside = replace(tip, where="outside", u_px=edges_end_px)
@@ -281,7 +280,7 @@ def _shows_to_wall(strip: RectifiedStrip, edges_end_px: float) -> bool:
 def _may_be_in_wall(strip: RectifiedStrip, tip: TipEstimate, judged: TipEstimate, is_new: bool) -> bool:
     """Return whether a tip may be in the wall or beyond it: it is too near, or its shaft goes on."""
     if tip.where == "inside":
-        return is_new and judged.u_px - float(strip.u_px[strip.inside.start]) <= AT_WALL_PX
+        return is_new and judged.u_px - strip.inner_px <= AT_WALL_PX
     is_near = strip.wall_px - judged.u_px <= WALL_SD * judged.shift_sd_px
     return is_near or continues(strip, tip.u_px, strip.wall_px)
 
