@@ -12,16 +12,19 @@ from paths import ROOT
 
 from haptigraph.config import SourceConfig
 from haptigraph.dashboard.jobs.main import JOBS
-from haptigraph.dashboard.jobs.process import Jobs
+from haptigraph.dashboard.jobs.process import MODULE, Jobs
 
 
 async def answers(jobs, job, *arguments):
     return [content async for content, _ in jobs.run(job, *arguments)]
 
 
-def children():
+def jobs_of(folder):
+    """The ids of the processes of this program that run a job in a folder."""
     tasks = Path("/proc/self/task").glob("*/children")
-    return [int(number) for task in tasks for number in task.read_text().split()]
+    found = [int(number) for task in tasks for number in task.read_text().split()]
+    commands = {each: Path(f"/proc/{each}/cmdline").read_text().split("\0") for each in found}
+    return [each for each, words in commands.items() if MODULE in words and str(folder) in words]
 
 
 def test_a_job_runs_in_its_folder_and_reports_progress(recordings):
@@ -56,15 +59,14 @@ def test_an_unexpected_exit_is_reported(tmp_path, capfd):
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 @pytest.mark.parametrize("job", ["png", "register"])
 def test_a_job_has_low_priority_and_ends_with_its_listener(recordings, job):
-    async def stopped() -> tuple[int, list[int]]:
-        before = set(children())
+    async def run_shortly() -> tuple[int, list[int]]:
         arguments = ("quick.mcap", SourceConfig(), [], True, 24.0)[: 1 if job == "png" else 5]
         async with aclosing(Jobs(recordings).run(job, *arguments)) as messages:
             await anext(messages)
-            (child,) = set(children()) - before
+            (child,) = jobs_of(recordings)
             nice = os.getpriority(os.PRIO_PROCESS, child)
-        return nice, [each for each in children() if each == child]
+        return nice, jobs_of(recordings)
 
-    nice, left = run_in_thread(stopped())
+    nice, left = run_in_thread(run_shortly())
     assert nice == min(os.nice(0) + JOBS[job][1], 19)
     assert left == []
