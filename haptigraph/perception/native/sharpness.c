@@ -12,15 +12,29 @@ static inline double sharp(double far_left, double left, double here, double rig
     return fabs(6 * here - 4 * (left + right) + (far_left + far_right)) / 6;
 }
 
-/* Write the sharpness of the sharpest lane of each station [grey levels]. */
-EXPORT void sharpness(const float *excess, ptrdiff_t stride, int lanes, int stations, float *sharpness_grey) {
-    for (int n = 0; n < stations; n++) sharpness_grey[n] = 0;
-    for (int lane = REACH_PX; lane < lanes - REACH_PX; lane++) {
-        const float *here = excess + lane * stride;
-        const float *left = here - SPACING_PX * stride, *right = here + SPACING_PX * stride;
-        const float *far_left = here - REACH_PX * stride, *far_right = here + REACH_PX * stride;
-        for (int n = 0; n < stations; n++) {
-            const float grey = (float)sharp(far_left[n], left[n], here[n], right[n], far_right[n]);
+/* Write the mean of each `group` stations in a row. */
+static void average_groups(const float *values, int groups, int group, float *means) {
+    for (int n = 0; n < groups; n++) means[n] = values[n];
+    for (int next = 1; next < group; next++) {
+        for (int n = 0; n < groups; n++) means[n] += values[n + next];
+    }
+    for (int n = 0; n < groups; n++) means[n] /= (float)group;
+}
+
+/* Write the sharpness of the sharpest lane of the mean of each `group` stations in a row [grey levels]. */
+VECTORS EXPORT void sharpness(const float *excess, ptrdiff_t stride, int lanes, int stations, int group,
+                              float *sharpness_grey) {
+    const int groups = stations + 1 - group;
+    float rows[2 * REACH_PX + 1][groups], *row[2 * REACH_PX + 1];
+    for (int n = 0; n < groups; n++) sharpness_grey[n] = 0;
+    for (int lane = 0; lane < lanes; lane++) {
+        for (int n = 0; n <= 2 * REACH_PX; n++) row[n] = rows[(lane + 1 + n) % (2 * REACH_PX + 1)];
+        average_groups(excess + lane * stride, groups, group, row[2 * REACH_PX]);
+        if (lane < 2 * REACH_PX) continue;
+        const float *left = row[REACH_PX - SPACING_PX], *right = row[REACH_PX + SPACING_PX];
+        for (int n = 0; n < groups; n++) {
+            const float grey =
+                (float)sharp(row[0][n], left[n], row[REACH_PX][n], right[n], row[2 * REACH_PX][n]);
             sharpness_grey[n] = grey > sharpness_grey[n] ? grey : sharpness_grey[n];
         }
     }

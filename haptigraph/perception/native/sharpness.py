@@ -17,21 +17,24 @@ __all__ = ["AROUND_PX", "is_sharp", "mean_sharpness", "sharpness", "sharpness_th
 AROUND_PX = LIBRARY.constant("AROUND_PX")
 """To either side of a shaft's middle, in which the sharpness of its point is measured."""
 
-_sharpness = LIBRARY.function("sharpness", "pniip")
+_sharpness = LIBRARY.function("sharpness", "pniiip")
 _mean_sharpness = LIBRARY.function("mean_sharpness", "pnii", ctypes.c_double)
 _is_sharp = LIBRARY.function("is_sharp", "pniidd", ctypes.c_int)
 _sharpness_threshold = LIBRARY.function("sharpness_threshold", "di", ctypes.c_double)
 
 
-def sharpness(excess: FloatImage) -> FloatImage:
-    """Return the sharpness of each station, (n,) grey levels.
+def sharpness(excess: FloatImage, group: int) -> FloatImage:
+    """Return the sharpness of the mean of each so many stations in a row, (n + 1 - group,) grey levels.
 
     Args:
         excess: Lanes across the shaft, (lanes, n).
+        group: Stations, 1 to n.
     """
     rows = checked_rows("excess", excess)
-    sharpness_grey = np.empty(rows[3], np.float32)
-    _sharpness(*rows, address(sharpness_grey))
+    if not 0 < index(group) <= rows[3]:
+        raise ValueError(f"group: expected 1 to {rows[3]} stations, found {group}")
+    sharpness_grey = np.empty(rows[3] + 1 - group, np.float32)
+    _sharpness(*rows, group, address(sharpness_grey))
     return sharpness_grey
 
 

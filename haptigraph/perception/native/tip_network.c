@@ -25,14 +25,17 @@ static const double step_sd_px[TIP_STEPS] = {0.3, 1.0};
 
 typedef float Features[FEATURES][TIP_STATIONS + 2 * PADDING];
 
-/* Return the value at a position between lanes, and between a station and the next one. */
-static float sampled(Rows rows, double lane, int station, double part) {
-    const double within = minimum(maximum(lane, 0), rows.lanes - 1.001);
-    const int below = (int)within;
-    const float *one = rows.first + below * rows.stride + station, *other = one + rows.stride;
-    const double left = one[0] + part * ((double)one[1] - one[0]);
-    const double right = other[0] + part * ((double)other[1] - other[0]);
-    return (float)(left + (within - below) * (right - left));
+/* Between a lane and the next one, and between a station and the next one. */
+typedef struct {
+    int lane, station;
+    double past_lane, past_station;
+} Place;
+
+static float sampled(Rows rows, Place at) {
+    const float *one = rows.first + at.lane * rows.stride + at.station, *other = one + rows.stride;
+    const double left = one[0] + at.past_station * ((double)one[1] - one[0]);
+    const double right = other[0] + at.past_station * ((double)other[1] - other[0]);
+    return (float)(left + at.past_lane * (right - left));
 }
 
 /* Write what the strip shows about an apparent tip, in the globe or before it; the shaft's middle is at
@@ -40,23 +43,24 @@ static float sampled(Rows rows, double lane, int station, double part) {
 EXPORT void tip_window(const Strip *strip, double offset_px, double slope, double tip_px, double px_per_mm,
                        int is_outside, float *values) {
     TipWindow *window = (TipWindow *)values;
-    const Rows channels[CHANNELS] = {strip->excess, strip->detrended, strip->chroma};
-    const int start = is_outside ? 0 : strip->inside_start;
+    const int start = is_outside ? 0 : strip->inside_start, lanes = strip->excess.lanes;
     const int end = is_outside ? strip->outside_stop : strip->inside_stop;
     const int stop = end < strip->excess.stations ? end : strip->excess.stations;
     memset(window, 0, sizeof *window);
     for (int n = 0; n < TIP_STATIONS; n++) {
         const double u_px = tip_px + (n - TIP_BEHIND) * STEP_MM * px_per_mm;
-        const double at = (u_px - strip->u_px[0]) / STATION_PX;
-        if (!(at >= start && at < stop - 1)) continue;
-        const int station = (int)at;
+        const double along = (u_px - strip->u_px[0]) / STATION_PX;
+        if (!(along >= start && along < stop - 1)) continue;
+        Place at = {.station = (int)along};
+        at.past_station = along - at.station;
         window->is_inside[n] = 1;
         for (int k = -SIDE; k <= SIDE; k++) {
-            const double lane = strip->excess.lanes / 2 + offset_px + slope * u_px + k * LANE_MM * px_per_mm;
-            for (int channel = 0; channel < CHANNELS; channel++) {
-                if (!channels[channel].lanes) continue;
-                window->seen[channel][k + SIDE][n] = sampled(channels[channel], lane, station, at - station);
-            }
+            const double lane = lanes / 2 + offset_px + slope * u_px + k * LANE_MM * px_per_mm;
+            const double across = minimum(maximum(lane, 0), lanes - 1.001);
+            at.lane = (int)across, at.past_lane = across - at.lane;
+            window->seen[0][k + SIDE][n] = sampled(strip->excess, at);
+            window->seen[1][k + SIDE][n] = sampled(strip->detrended, at);
+            if (strip->chroma.lanes) window->seen[2][k + SIDE][n] = sampled(strip->chroma, at);
         }
     }
 }
@@ -201,4 +205,15 @@ static void summed(const double *shares, double px_per_mm, double about_mm, doub
 EXPORT void tip_posterior(const double *places, double px_per_mm, double *tip) {
     summed(places, px_per_mm, 0, INFINITY, tip);
     summed(places, px_per_mm, tip[0], maximum(FAR_MM, FAR_PX / px_per_mm), tip);
+}
+
+/* The same from a strip, for a tip whose standard deviation is `sd_px`; the others as in `tip_window`. */
+EXPORT void judge_tip(const Strip *strip, const float *numbers, double offset_px, double slope, double tip_px,
+                      double sd_px, double px_per_mm, int is_outside, double *tip) {
+    const double context[CONTEXT] = {strip->noise_grey, px_per_mm, sd_px};
+    float values[TIP_VALUES];
+    double places[TIP_KINDS];
+    tip_window(strip, offset_px, slope, tip_px, px_per_mm, is_outside, values);
+    tip_places(numbers, values, context, places);
+    tip_posterior(places, px_per_mm, tip);
 }

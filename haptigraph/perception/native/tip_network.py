@@ -9,7 +9,7 @@ from haptigraph.perception.native.arrays import FLOAT, address, checked
 from haptigraph.perception.native.library import LIBRARY
 from haptigraph.perception.native.strip import RectifiedStrip, native_of
 
-__all__ = ["KINDS", "PLACES", "STATIONS", "VALUES", "WEIGHTS", "tip_places", "tip_posterior", "tip_window"]
+__all__ = ["KINDS", "PLACES", "STATIONS", "VALUES", "WEIGHTS", "judge_tip", "tip_places", "tip_posterior", "tip_window"]
 
 STATIONS = LIBRARY.constant("TIP_STATIONS")
 """Of a window along the shaft."""
@@ -26,6 +26,7 @@ DOUBLE = np.dtype(np.float64)
 _tip_window = LIBRARY.function("tip_window", "pddddip")
 _tip_places = LIBRARY.function("tip_places", "pppp")
 _tip_posterior = LIBRARY.function("tip_posterior", "pdp")
+_judge_tip = LIBRARY.function("judge_tip", "ppdddddip")
 _Context, _Tip = ctypes.c_double * 3, ctypes.c_double * 3
 
 
@@ -84,4 +85,30 @@ def tip_posterior(places: Floats, px_per_mm: float) -> tuple[float, float, float
         raise ValueError(f"px_per_mm: expected a positive number, found {px_per_mm}")
     found = _Tip()
     _tip_posterior(checked("places", places, DOUBLE, (KINDS,)), float(px_per_mm), found)
+    return found[0], found[1], found[2]
+
+
+def judge_tip(
+    strip: RectifiedStrip,
+    weights: FloatImage,
+    line: tuple[float, float],
+    tip: tuple[float, float],
+    px_per_mm: float,
+    *,
+    is_outside: bool = False,
+) -> tuple[float, float, float]:
+    """Return what `tip_posterior` does, about a tip along a strip.
+
+    Args:
+        strip: The strip.
+        weights: What the network has learned, (WEIGHTS,).
+        line: Offset and slope of the shaft's middle, as `tip_window` has them.
+        tip: Where the apparent tip is along the strip, and its standard deviation [px].
+        px_per_mm: Scale.
+        is_outside: Whether the tip is before the globe, not in it.
+    """
+    if not 0 < px_per_mm < np.inf:
+        raise ValueError(f"px_per_mm: expected a positive number, found {px_per_mm}")
+    found, given = _Tip(), (*map(float, (*line, *tip, px_per_mm)), bool(is_outside))
+    _judge_tip(native_of(strip).packed, checked("weights", weights, FLOAT, (WEIGHTS,)), *given, found)
     return found[0], found[1], found[2]

@@ -100,15 +100,13 @@ class PoseFilter:
 
     def _update_state(self, observation: Row, measured: float, variance: float) -> None:
         """Update the state with one number: a linear combination of it, plus noise."""
-        weighed = [_dot(row, observation) for row in self._covariance]
+        rows = self._covariance
+        weighed = [_dot(row, observation) for row in rows]
         innovation = measured - _dot(self._state, observation)
         variance += _dot(weighed, observation)
         gain = [value / variance for value in weighed]
-        self._state = [value + by * innovation for value, by in zip(self._state, gain, strict=True)]
-        self._covariance = [
-            [value - by * other for value, other in zip(row, weighed, strict=True)]
-            for row, by in zip(self._covariance, gain, strict=True)
-        ]
+        self._state = _plus(self._state, innovation, gain)
+        self._covariance = [_plus(row, -by, weighed) for row, by in zip(rows, gain, strict=True)]
 
     def _begin(self, angle_rad: float, depth_px: float) -> None:
         self.lose()
@@ -150,6 +148,12 @@ class PoseFilter:
 
 def _dot(one: Row, other: Row) -> float:
     return one[0] * other[0] + one[1] * other[1] + one[2] * other[2] + one[3] * other[3]
+
+
+def _plus(row: Row, times: float, other: Row) -> list[float]:
+    a, b, c, d = row  # faster than a loop
+    e, f, g, h = other
+    return [a + times * e, b + times * f, c + times * g, d + times * h]
 
 
 def _propagated(row: Row, elapsed_s: float) -> list[float]:

@@ -125,7 +125,4 @@ def is_bright(strip: RectifiedStrip, from_px: float, to_px: float) -> bool:
 
 def _along(strip: RectifiedStrip, part: slice) -> FloatImage:
     """Return how sharp each group of stations is, (groups,) grey levels."""
-    groups = part.stop - part.start - GROUP + 1
-    starts = range(part.start, part.start + GROUP)
-    sums = sum(strip.excess[:, start : start + groups] for start in starts)
-    return sharpness(np.asarray(sums / GROUP, np.float32))
+    return sharpness(strip.excess[:, part], GROUP)

@@ -12,7 +12,7 @@ from importlib import resources
 import numpy as np
 from msgspec.structs import replace
 
-from haptigraph.perception.native.tip_network import tip_places, tip_posterior, tip_window
+from haptigraph.perception.native.tip_network import judge_tip
 from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.rectify import RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
@@ -56,9 +56,10 @@ class TipJudge:
             px_per_mm: Scale.
         """
         is_outside = tip.where == "outside"
-        window = tip_window(strip, fit.offset_px, fit.slope, tip.u_px, px_per_mm, is_outside=is_outside)
-        places = tip_places(self._weights, window, (strip.noise_grey, px_per_mm, tip.sd_px))
-        beyond_mm, sd_mm, far = tip_posterior(places, px_per_mm)
+        beyond_mm, sd_mm, far = judge_tip(
+            *(strip, self._weights, (fit.offset_px, fit.slope), (tip.u_px, tip.sd_px), px_per_mm),
+            is_outside=is_outside,
+        )
         u_px = tip.u_px + beyond_mm * px_per_mm
         if not is_outside:
             return replace(tip, u_px=u_px, shift_sd_px=sd_mm * px_per_mm, is_known=self._is_known(far))

@@ -100,6 +100,7 @@ def shaft_patch():
     return grey
 
 
+TIP_WEIGHTS = np.ones(tip_network.WEIGHTS, np.float32)
 REGION = slice(2, 6), slice(5, 14)
 SPANS = np.array([(0, 9)] * 4, np.int32)
 FLAGS = "continues", "is_outside", "uses_chroma"
@@ -223,7 +224,7 @@ WRAPPERS = {
         ),
         lambda: [make_scan(), (19.0, 31.0), 1.0, *BEVELS],
     ),
-    "sharpness": (sharpness.sharpness, lambda: [excess()]),
+    "sharpness": (sharpness.sharpness, lambda: [excess(), 4]),
     "mean_sharpness": (sharpness.mean_sharpness, lambda: [excess()]),
     "is_sharp": (sharpness.is_sharp, lambda: [excess(), 0.2, 2.0]),
     "sharpness_threshold": (sharpness.sharpness_threshold, lambda: [2.0, 4]),
@@ -245,6 +246,10 @@ WRAPPERS = {
         ],
     ),
     "tip_posterior": (tip_network.tip_posterior, lambda: [np.ones(tip_network.KINDS), 20.0]),
+    "judge_tip": (
+        tip_network.judge_tip,
+        lambda: [make_strip(), TIP_WEIGHTS.copy(), (0.5, 0.02), (40.0, 0.2), 20.0],
+    ),
     "fit_line": (strip.fit_line, lambda: [make_strip(), 50.0, 9.0, APPEARANCE]),
     "refine_tip": (
         lambda *arguments: strip.refine_tip(*arguments[:7], **dict(zip(FLAGS, arguments[7:], strict=True))),
@@ -341,6 +346,7 @@ def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
         lambda: tip_network.tip_window(shown, number, 0.1, number, abs(number)),
         lambda: tip_network.tip_window(shown, number, 0.1, station, 20.0, is_outside=True),
         lambda: tip_network.tip_window(shown, 0.5, number, station, 20.0),
+        lambda: tip_network.judge_tip(shown, TIP_WEIGHTS, (0.5, number), (station, number), 20.0),
         lambda: refine(shown, 0, stop, station, number, 0.1, 0.3, True, False, True),
         lambda: refine(shown, 0, stop, 2 * station, 16.2, number, number, False, True, True),
         lambda: refine(shown, 0, stop, station, 8.0, 0.0, 0.3, False, False, False),
@@ -424,8 +430,8 @@ def test_any_numbers_in_a_strip_are_safe(arrays_and_ends, noise_grey, number, st
         call_all(
             RectifiedStrip(along, 16, pixels, pixels, known, *parts, noise_grey, pixels), number, station
         )
-    for call in (sharpness.sharpness, sharpness.mean_sharpness):
-        call(pixels)
+    sharpness.sharpness(pixels, 1 + station % len(along))
+    sharpness.mean_sharpness(pixels)
     sharpness.is_sharp(pixels, number, noise_grey)
 
 
@@ -566,14 +572,14 @@ def test_indices_out_of_range_are_refused(index, number):
 
 @pytest.mark.parametrize("lanes", [1, 8, 4097])
 def test_too_few_or_many_lanes_are_refused(lanes):
-    for call in (sharpness.sharpness, sharpness.mean_sharpness):
+    for call in (partial(sharpness.sharpness, group=1), sharpness.mean_sharpness):
         with pytest.raises(ValueError, match=f"excess: expected 9 to 4096 lanes .*; found {lanes} and 4"):
             call(np.zeros((lanes, 4), np.float32))
 
 
 def test_too_long_a_strip_is_refused():
     with pytest.raises(ValueError, match="at most 16384 stations; found 9 and 16385"):
-        sharpness.sharpness(np.zeros((9, 16385), np.float32))
+        sharpness.sharpness(np.zeros((9, 16385), np.float32), 1)
 
 
 def test_the_longest_and_widest_strips_fit_on_the_stack():
