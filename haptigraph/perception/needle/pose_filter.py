@@ -4,11 +4,10 @@ State: the shaft's angle and its rate, the tip's depth and its rate, and the rem
 an offset from the registered trocar; all in pixels and radians. The angle of a shaft that is visible on a
 short length is uncertain, but its error is correlated with that of the offset from the trocar; knowing the
 RCM removes most of it. Motion is modelled loosely, so that a sharp measurement is followed without lag. Plain
-numbers: four are too few to be worth an array.
+numbers: four are too few to be worth an array, and a loop over them takes five times as long.
 """
 
 import math
-from collections.abc import Sequence
 
 from haptigraph.perception.needle.rectify import Line
 
@@ -21,7 +20,7 @@ RCM_MEMORY = 0.9995  # per image; the rest goes back to the registered trocar
 OFFSET_FLOOR_PX, ANGLE_FLOOR_RAD = 0.1, 0.0003  # what light and shape of the metal do to the edges
 START_RAD, START_RAD_S, START_MM, START_MM_S = 0.5, 0.5, 20.0, 30.0  # sd when first detected
 
-Row = Sequence[float]
+Four = tuple[float, float, float, float]
 
 
 class PoseFilter:
@@ -38,9 +37,10 @@ class PoseFilter:
 
     def reset(self) -> None:
         """Forget the needle and its RCM."""
-        self._state = [0.0] * 4  # angle, its rate, and RCM (x, y)
-        self._covariance = [[0.0] * 4 for _ in range(4)]
-        self._covariance[2][2] = self._covariance[3][3] = self._rcm_px2
+        self._state: Four = (0.0, 0.0, 0.0, 0.0)  # angle, its rate, and RCM (x, y)
+        # The upper triangle of its covariance, row by row: a for the angle, r for its rate, x and y.
+        self._aa = self._ar = self._ax = self._ay = self._rr = self._rx = self._ry = self._xy = 0.0
+        self._xx = self._yy = self._rcm_px2
         self._depth = _Depth(0.0, 0.0)
         self._free_line: Line | None = None  # the last measurement, until the needle is in the trocar
         self.is_tracking = False
@@ -48,24 +48,24 @@ class PoseFilter:
     def lose(self) -> None:
         """Forget the needle, but not its RCM."""
         self.is_tracking = False
-        _, _, *rcm = self._covariance
-        self._covariance = [[0.0] * 4, [0.0] * 4, *([0.0, 0.0, *row[2:]] for row in rcm)]
+        self._aa = self._ar = self._ax = self._ay = self._rr = self._rx = self._ry = 0.0
 
     def predict(self, elapsed_s: float) -> tuple[Line, float]:
         """Advance in time; return the expected line and the tip's depth along it [px]."""
         angle, rate, x, y = self._state
-        self._state = [angle + elapsed_s * rate, rate, RCM_MEMORY * x, RCM_MEMORY * y]
+        self._state = angle + elapsed_s * rate, rate, RCM_MEMORY * x, RCM_MEMORY * y
         angle_rad2, both, rate2 = _process_noise(TURNING_RAD_S2, elapsed_s)
         forgotten = (1 - RCM_MEMORY**2) * self._rcm_px2
-        rows = [_propagated(row, elapsed_s) for row in self._covariance]
-        columns = [_propagated(column, elapsed_s) for column in zip(*rows, strict=True)]
-        columns[0][0] += angle_rad2
-        columns[0][1] += both
-        columns[1][0] += both
-        columns[1][1] += rate2
-        columns[2][2] += forgotten
-        columns[3][3] += forgotten
-        self._covariance = columns
+        self._aa += elapsed_s * (2 * self._ar + elapsed_s * self._rr) + angle_rad2
+        self._ar += elapsed_s * self._rr + both
+        self._rr += rate2
+        self._ax = RCM_MEMORY * (self._ax + elapsed_s * self._rx)
+        self._ay = RCM_MEMORY * (self._ay + elapsed_s * self._ry)
+        self._rx *= RCM_MEMORY
+        self._ry *= RCM_MEMORY
+        self._xx = RCM_MEMORY**2 * self._xx + forgotten
+        self._xy *= RCM_MEMORY**2
+        self._yy = RCM_MEMORY**2 * self._yy + forgotten
         self._depth.predict(elapsed_s)
         return self.line, self._depth.px
 
@@ -91,27 +91,51 @@ class PoseFilter:
         self._depth.update(depth_px, depth_sd_px)
         offset_px2, both, angle_rad2 = line_covariance
         offset_px2, angle_rad2 = offset_px2 + OFFSET_FLOOR_PX**2, angle_rad2 + ANGLE_FLOOR_RAD**2
-        self._update_state((1.0, 0.0, 0.0, 0.0), line.angle_rad, angle_rad2)
+        self._update_state(1.0, 0.0, 0.0, line.angle_rad, angle_rad2)
         self._free_line = None if is_in_trocar else line
         if is_in_trocar:  # the part of the offset that is not correlated with the angle
             share = both / angle_rad2
-            beyond = -share, 0.0, *line.normal
-            self._update_state(beyond, line.offset_px - share * line.angle_rad, offset_px2 - share * both)
+            beyond_px = line.offset_px - share * line.angle_rad
+            self._update_state(-share, *line.normal, beyond_px, offset_px2 - share * both)
 
-    def _update_state(self, observation: Row, measured: float, variance: float) -> None:
-        """Update the state with one number: a linear combination of it, plus noise."""
-        rows = self._covariance
-        weighed = [_dot(row, observation) for row in rows]
-        innovation = measured - _dot(self._state, observation)
-        variance += _dot(weighed, observation)
-        gain = [value / variance for value in weighed]
-        self._state = _plus(self._state, innovation, gain)
-        self._covariance = [_plus(row, -by, weighed) for row, by in zip(rows, gain, strict=True)]
+    def _update_state(
+        self, by_angle: float, by_x: float, by_y: float, measured: float, variance: float
+    ) -> None:
+        """Update the state with one number: a linear combination of angle and RCM, plus noise."""
+        a, r, x, y = self._covariance_with(by_angle, by_x, by_y)
+        angle, rate, rcm_x, rcm_y = self._state
+        innovation = measured - (by_angle * angle + by_x * rcm_x + by_y * rcm_y)
+        variance += by_angle * a + by_x * x + by_y * y
+        by_a, by_r, x_gain, y_gain = a / variance, r / variance, x / variance, y / variance
+        self._state = (
+            *(angle + by_a * innovation, rate + by_r * innovation),
+            *(rcm_x + x_gain * innovation, rcm_y + y_gain * innovation),
+        )
+        self._aa -= by_a * a
+        self._ar -= by_a * r
+        self._ax -= by_a * x
+        self._ay -= by_a * y
+        self._rr -= by_r * r
+        self._rx -= by_r * x
+        self._ry -= by_r * y
+        self._xx -= x_gain * x
+        self._xy -= x_gain * y
+        self._yy -= y_gain * y
+
+    def _covariance_with(self, by_angle: float, by_x: float, by_y: float) -> Four:
+        """Return the covariance of the state with a linear combination of angle and RCM."""
+        return (
+            by_angle * self._aa + by_x * self._ax + by_y * self._ay,
+            by_angle * self._ar + by_x * self._rx + by_y * self._ry,
+            by_angle * self._ax + by_x * self._xx + by_y * self._xy,
+            by_angle * self._ay + by_x * self._xy + by_y * self._yy,
+        )
 
     def _begin(self, angle_rad: float, depth_px: float) -> None:
         self.lose()
-        self._state[:2] = angle_rad, 0.0
-        self._covariance[0][0], self._covariance[1][1] = START_RAD**2, START_RAD_S**2
+        _, _, x, y = self._state
+        self._state = angle_rad, 0.0, x, y
+        self._aa, self._rr = START_RAD**2, START_RAD_S**2
         self._depth = _Depth(depth_px, self._px_per_mm)
         self.is_tracking = True
 
@@ -131,7 +155,7 @@ class PoseFilter:
     @property
     def angle_sd_rad(self) -> float:
         """Standard deviation of the angle."""
-        return math.sqrt(self._covariance[0][0])
+        return math.sqrt(self._aa)
 
     def tip_sd_px(self, measured_sd_px: float = 0.0) -> float:
         """Return the standard deviation of the tip, along and across the shaft together.
@@ -140,25 +164,10 @@ class PoseFilter:
             measured_sd_px: That of the last measurement along the shaft, with what is alike in all images and
                 does not average out.
         """
-        nx, ny = (0.0, 0.0) if self._free_line is not None else self.line.normal
-        across = self._depth.px, 0.0, nx, ny
-        spread = [_dot(row, across) for row in self._covariance]
-        return math.sqrt(max(self._depth.variance_px2, measured_sd_px**2) + _dot(spread, across))
-
-
-def _dot(one: Row, other: Row) -> float:
-    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2] + one[3] * other[3]
-
-
-def _plus(row: Row, times: float, other: Row) -> list[float]:
-    a, b, c, d = row  # faster than a loop
-    e, f, g, h = other
-    return [a + times * e, b + times * f, c + times * g, d + times * h]
-
-
-def _propagated(row: Row, elapsed_s: float) -> list[float]:
-    """Return one row or column of the covariance after some time."""
-    return [row[0] + elapsed_s * row[1], row[1], RCM_MEMORY * row[2], RCM_MEMORY * row[3]]
+        (nx, ny), depth_px = (0.0, 0.0) if self._free_line is not None else self.line.normal, self._depth.px
+        a, _, x, y = self._covariance_with(depth_px, nx, ny)
+        across_px2 = depth_px * a + nx * x + ny * y
+        return math.sqrt(max(self._depth.variance_px2, measured_sd_px**2) + across_px2)
 
 
 def _process_noise(acceleration: float, elapsed_s: float) -> tuple[float, float, float]:

@@ -74,7 +74,7 @@ class Line(Struct, frozen=True):
 
     def at_px(self, trocar_px: Vec, along_px: float) -> Vec:
         """Return the point so far along the line from the trocar's foot."""
-        (x, y), (dx, dy) = trocar_px, self.direction
+        (x, y), dx, dy = trocar_px, math.cos(self.angle_rad), math.sin(self.angle_rad)
         return x - self.offset_px * dy + along_px * dx, y + self.offset_px * dx + along_px * dy
 
 
