@@ -22,10 +22,10 @@ GROUND, METAL, RIM = 150, 70, 110
 
 def strip(excess, u_px=U_PX):
     noise = np.random.default_rng(7).normal(0, NOISE_GREY, excess.shape)
-    shown = (excess + noise).astype(np.float32)
+    planes = np.stack([(excess + noise).astype(np.float32)] * 2)
     first = int(u_px.searchsorted(8))
     outside, inside = slice(0, max(first - 14, 0)), slice(first, len(u_px))
-    return RectifiedStrip(u_px, HALF_PX, shown, shown, np.ones(len(u_px), bool), outside, inside, NOISE_GREY)
+    return RectifiedStrip(u_px, HALF_PX, planes, np.ones(len(u_px), bool), outside, inside, NOISE_GREY)
 
 
 def needle(half_width_px, until_px=END_PX, grey=-40.0):

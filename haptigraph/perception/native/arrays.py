@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from haptigraph.messages import Image
 from haptigraph.perception.native.library import LIBRARY
 
-__all__ = ["address", "checked", "checked_copy", "checked_image", "checked_rows", "checked_share"]
+__all__ = [
+    "address",
+    "checked",
+    "checked_copy",
+    "checked_image",
+    "checked_planes",
+    "checked_rows",
+    "checked_share",
+]
 
 MIN_LANES, MAX_LANES = LIBRARY.constant("MIN_LANES"), LIBRARY.constant("MAX_LANES")
 MAX_STATIONS = LIBRARY.constant("MAX_STATIONS")
@@ -79,6 +87,15 @@ def checked_rows(name: str, array: NDArray[np.float32]) -> tuple[int, int, int, 
         limits = f"{MIN_LANES} to {MAX_LANES} lanes and at most {MAX_STATIONS} stations"
         raise ValueError(f"{name}: expected {limits}; found {lanes} and {stations}")
     return first, strides[0] // 4, lanes, stations
+
+
+def checked_planes(name: str, array: NDArray[np.float32]) -> tuple[int, int, int, int, int]:
+    """Return two or three planes of a shape: bytes from one to the next, and the first as `checked_rows`."""
+    if type(array) is not ndarray:
+        raise _wrong_type(name, array)
+    if array.ndim != 3 or not 2 <= len(array) <= 3 or array.strides[0] % 4:
+        raise ValueError(f"{name}: expected 2 or 3 planes of rows; found {_description(array)}")
+    return array.strides[0], *checked_rows(name, array[0])
 
 
 def checked_share(name: str, share: float) -> float:

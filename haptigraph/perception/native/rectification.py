@@ -18,7 +18,7 @@ from haptigraph.perception.native.arrays import (
     address,
     checked,
     checked_image,
-    checked_rows,
+    checked_planes,
     checked_share,
 )
 from haptigraph.perception.native.library import LIBRARY
@@ -61,40 +61,37 @@ def strip_positions(half_px: int, u_px: FloatImage, foot_px: Vec, normal: Vec, d
 
 def subtract_background(
     pixels: Image,
-    excess: FloatImage,
+    planes: FloatImage,
     u_px: FloatImage,
     chroma_share: float,
     globe_px: tuple[float, float],
     light: float,
-    chroma: FloatImage | None = None,
-) -> tuple[FloatImage, Mask, float]:
+) -> tuple[Mask, float]:
     """Subtract a strip's background, and the linear ramp between the two flanks of each station.
 
     Args:
         pixels: The strip, (lanes, n, 3) BGR or (lanes, n) grey.
-        excess: The background, (lanes, n) grey, negative where unknown; is replaced by what is left over it.
+        planes: First the background's grey, negative where unknown, and third, of a strip in colour, how much
+            bluer than red it is, (2 or 3, lanes, n). Is replaced by the planes of a `RectifiedStrip`; the
+            third is in units in which its noise is no more than that of the grey.
         u_px: Positions of the stations, (n,).
         chroma_share: Of blue less red in the grey within the globe, -1 to 1.
         globe_px: Where along the strip the globe begins and ends.
         light: How many times brighter the strip is to be.
-        chroma: How much bluer than red the background is, (lanes, n), of a strip in colour; is replaced by
-            what is left over it, in units in which its noise is no more than that of the grey.
 
     Returns:
-        What is left over the ramp alone, (lanes, n), where the background is known, (n,), and the standard
-        deviation of a pixel's noise [grey levels].
+        Where the background is known, (n,), and the standard deviation of a pixel's noise [grey levels].
     """
-    background, stride, lanes, stations = rows = checked_rows("background", excess)
-    if stride != stations or not stations or not excess.flags.writeable:
-        raise ValueError("background: expected a contiguous, writable array with at least one station")
+    apart, first, stride, lanes, stations = checked_planes("planes", planes)
+    if stride != stations or apart != 4 * lanes * stations or not stations or not planes.flags.writeable:
+        raise ValueError("planes: expected a contiguous, writable array with at least one station")
     image, channels = checked_image("pixels", pixels, (lanes, stations))
-    if chroma is not None and (channels != 3 or checked_rows("chroma", chroma)[1:] != rows[1:]):
-        raise ValueError("chroma: expected an array like the background's, of a strip in colour")
-    detrended, is_known = np.empty((lanes, stations), np.float32), np.empty(stations, np.bool_)
-    from_px, to_px = globe_px
+    if len(planes) > 2 and channels != 3:
+        raise ValueError("planes: expected two, for the strip is grey")
+    is_known, (from_px, to_px) = np.empty(stations, np.bool_), globe_px
     noise_grey = _subtract_background(
         *(image, channels, lanes, stations, checked("u_px", u_px, FLOAT, (stations,))),
         *(checked_share("chroma_share", chroma_share), float(from_px), float(to_px), float(light)),
-        *(background, address(detrended), address(is_known), None if chroma is None else address(chroma)),
+        *(first, first + apart, address(is_known), first + 2 * apart if len(planes) > 2 else None),
     )
-    return detrended, is_known, noise_grey
+    return is_known, noise_grey

@@ -11,7 +11,7 @@ from msgspec import Struct
 from msgspec.structs import force_setattr
 
 from haptigraph.imaging import FloatImage, Mask
-from haptigraph.perception.native.arrays import BOOL, FLOAT, address, checked, checked_rows
+from haptigraph.perception.native.arrays import BOOL, FLOAT, address, checked, checked_planes
 from haptigraph.perception.native.library import LIBRARY, pack
 
 __all__ = [
@@ -89,10 +89,8 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
     """Position of each station along the line, evenly spaced, (n,)."""
     half_px: int
     """Lanes to either side of the line."""
-    excess: FloatImage
-    """Grey levels over the background and over the ramp between the flanks, (2 half_px + 1, n)."""
-    detrended: FloatImage
-    """Grey levels over the ramp between the flanks alone, same shape."""
+    planes: FloatImage
+    """`excess`, `detrended` and, unless the grey alone counts, `chroma`, (2 or 3, 2 half_px + 1, n)."""
     is_known: Mask
     """Stations whose background is known, (n,)."""
     outside: slice
@@ -101,11 +99,23 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
     """Stations within the globe; those in the wall are in neither."""
     noise_grey: float
     """Standard deviation of a pixel of `excess` without needle."""
-    chroma: FloatImage | None = None
-    """How much bluer than red the pixels are, over the background and over the ramp between the flanks, same
-    shape; None if the grey alone counts."""
     native: Any = None
     """The same for C; always made anew from the rest."""
+
+    @property
+    def excess(self) -> FloatImage:
+        """Grey levels over the background and over the ramp between the flanks, (2 half_px + 1, n)."""
+        return self.planes[0]
+
+    @property
+    def detrended(self) -> FloatImage:
+        """Grey levels over the ramp between the flanks alone, same shape."""
+        return self.planes[1]
+
+    @property
+    def chroma(self) -> FloatImage | None:
+        """How much bluer than red the pixels are, over background and ramp, same shape."""
+        return self.planes[2] if len(self.planes) > 2 else None
 
     @property
     def wall_px(self) -> float:
@@ -118,24 +128,21 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
         return float(self.u_px[self.inside.start])
 
     def __post_init__(self) -> None:
-        excess, detrended, u_px, is_known = self.excess, self.detrended, self.u_px, self.is_known
-        rows, others = checked_rows("excess", excess), checked_rows("detrended", detrended)
-        lanes, stations = rows[2:]
-        bluer = (0, 0, 0, 0) if self.chroma is None else checked_rows("chroma", self.chroma)
-        if any(bluer) and bluer[2:] != rows[2:]:
-            raise ValueError(f"chroma: expected {lanes} x {stations} values, found {bluer[2:]}")
-        if others[2:] != rows[2:] or not stations:
-            raise ValueError(f"detrended: expected {lanes} x {stations} values, found {others[2:]}")
+        planes, u_px, is_known = self.planes, self.u_px, self.is_known
+        apart, first, *rest = checked_planes("planes", planes)
+        stations = rest[2]
+        if not stations:
+            raise ValueError("planes: expected at least one station")
         if not type(self.outside) is type(self.inside) is slice:
             raise TypeError("outside, inside: expected two slices")
         ends = self.outside.stop, self.inside.start, self.inside.stop
         if not (0 <= ends[0] <= ends[1] <= stations and 0 <= ends[2] <= stations):
             raise ValueError(f"outside, inside: expected two parts of {stations} stations, found {ends}")
         along = checked("u_px", u_px, FLOAT, (stations,)), checked("is_known", is_known, BOOL, (stations,))
-        arrays = [excess, detrended, u_px, is_known, *([] if self.chroma is None else [self.chroma])]
-        owners = *arrays, *(array.base for array in arrays)
-        packed = pack(_STRIP, *rows, *others, *along, self.noise_grey, *ends, *bluer)
-        force_setattr(self, "native", _Native(packed, lanes, stations, owners))
+        chroma = (first + 2 * apart, *rest) if len(planes) > 2 else (0, 0, 0, 0)
+        owners = planes, u_px, is_known, planes.base, u_px.base, is_known.base
+        packed = pack(_STRIP, first, *rest, first + apart, *rest, *along, self.noise_grey, *ends, *chroma)
+        force_setattr(self, "native", _Native(packed, rest[1], stations, owners))
 
 
 def core_contrast(strip: RectifiedStrip, part: slice) -> tuple[FloatImage, float]:

@@ -9,7 +9,17 @@ from haptigraph.perception.native.arrays import FLOAT, address, checked
 from haptigraph.perception.native.library import LIBRARY
 from haptigraph.perception.native.strip import RectifiedStrip, native_of
 
-__all__ = ["KINDS", "PLACES", "STATIONS", "VALUES", "WEIGHTS", "judge_tip", "tip_places", "tip_posterior", "tip_window"]
+__all__ = [
+    "KINDS",
+    "PLACES",
+    "STATIONS",
+    "VALUES",
+    "WEIGHTS",
+    "judge_tip",
+    "tip_places",
+    "tip_posterior",
+    "tip_window",
+]
 
 STATIONS = LIBRARY.constant("TIP_STATIONS")
 """Of a window along the shaft."""

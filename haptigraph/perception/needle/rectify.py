@@ -236,31 +236,26 @@ def rectify(
     u_px = runs_px[0] if len(runs_px) == 1 else np.concatenate(runs_px)
     (dx, dy), foot_px = line.direction, line.at_px(eye.trocar_px, 0.0)
     positions = strip_positions(eye.half_px, u_px, foot_px, (-dy, dx), (dx, dy))
-    pixels, excess = _sampled(image, positions), _sampled(background, positions)
+    pixels = _sampled(image, positions)
+    ground = [background] if chroma is None or image.ndim == 2 else [background, chroma]
+    planes = np.empty((len(ground) + 1, *pixels.shape[:2]), np.float32)
+    for shown, plane in zip(ground, planes[::2], strict=True):  # between them is room for what is detrended
+        if _sampled(shown, positions, plane) is not plane:
+            raise ValueError(f"background: expected float32, found {shown.dtype}")
     outer, inner, far = wall
     globe_px = outer, far + inner - outer
-    bluer = None if chroma is None or image.ndim == 2 else _sampled(chroma, positions)
-    detrended, is_known, noise_grey = subtract_background(
-        pixels, excess, u_px, chroma_share, globe_px, light, bluer
-    )
+    is_known, noise_grey = subtract_background(pixels, planes, u_px, chroma_share, globe_px, light)
     strips, start = [], 0
     for run_px in runs_px:
         part = slice(start, start + len(run_px))
-        outside, inside = _sides(run_px, wall)
-        colour = None if bluer is None else bluer[:, part]
-        strips.append(
-            RectifiedStrip(
-                *(run_px, eye.half_px, excess[:, part], detrended[:, part]),
-                *(is_known[part], outside, inside, noise_grey),
-                chroma=colour,
-            )
-        )
+        sides, known = _sides(run_px, wall), is_known[part]
+        strips.append(RectifiedStrip(run_px, eye.half_px, planes[:, :, part], known, *sides, noise_grey))
         start = part.stop
     return strips
 
 
-def _sampled(image: NDArray[Any], positions: Positions) -> NDArray[Any]:
-    return cv2.remap(image, *positions, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+def _sampled(image: NDArray[Any], positions: Positions, into: FloatImage | None = None) -> NDArray[Any]:
+    return cv2.remap(image, *positions, cv2.INTER_LINEAR, into, cv2.BORDER_REPLICATE)
 
 
 def _sides(u_px: FloatImage, wall_px: tuple[float, float, float]) -> tuple[slice, slice]:

@@ -59,11 +59,16 @@ def u_px(stations=STATIONS):
     return np.arange(stations, dtype=np.float32)
 
 
+def make_strips(count, lanes=LANES, stations=STATIONS):
+    return np.stack([excess(lanes, stations)] * count)
+
+
 def make_strip(**change) -> RectifiedStrip:
     shown = excess()
     shown[14:19, :45] += 60
     known = np.ones(STATIONS, bool)
-    whole = RectifiedStrip(u_px(), LANES // 2, shown, shown, known, slice(0, 10), slice(14, STATIONS), 2.0)
+    planes = np.stack([shown, shown, excess()])
+    whole = RectifiedStrip(u_px(), LANES // 2, planes, known, slice(0, 10), slice(14, STATIONS), 2.0)
     return replace(whole, **change) if change else whole
 
 
@@ -135,7 +140,7 @@ WRAPPERS = {
     "strip_positions": (rectification.strip_positions, lambda: list(POSITIONS)),
     "subtract_background": (
         rectification.subtract_background,
-        lambda: [np.ones((LANES, STATIONS, 3), np.uint8), excess(), u_px(), 0.2, (10.0, 50.0), 1.0],
+        lambda: [np.ones((LANES, STATIONS, 3), np.uint8), make_strips(3), u_px(), 0.2, (10.0, 50.0), 1.0],
     ),
     "score_lines": (
         lambda *arguments: search_grid.SearchGrid(*arguments[:-3]).score(*arguments[-3:]),
@@ -229,10 +234,10 @@ WRAPPERS = {
     "is_sharp": (sharpness.is_sharp, lambda: [excess(), 0.2, 2.0]),
     "sharpness_threshold": (sharpness.sharpness_threshold, lambda: [2.0, 4]),
     "core_contrast": (strip.core_contrast, lambda: [make_strip(), slice(5, 40)]),
-    "colored_share": (strip.colored_share, lambda: [make_strip(chroma=excess()), slice(25, 40), 1.0]),
+    "colored_share": (strip.colored_share, lambda: [make_strip(), slice(25, 40), 1.0]),
     "own_color_share": (
         partial(strip.colored_share, own=True),
-        lambda: [make_strip(chroma=excess()), slice(25, 40), 1.0],
+        lambda: [make_strip(), slice(25, 40), 1.0],
     ),
     "contrast_centroid": (strip.contrast_centroid, lambda: [make_strip(), 3, 30, slice(5, 40)]),
     "estimate_coarse_tip": (strip.estimate_coarse_tip, lambda: [make_strip(), 0.0, -math.inf, 5.0]),
@@ -257,7 +262,7 @@ WRAPPERS = {
     ),
     "RectifiedStrip": (
         RectifiedStrip,
-        lambda: [u_px(), 16, excess(), excess(), np.ones(STATIONS, bool), slice(0, 9), slice(12, 60), 2.0],
+        lambda: [u_px(), 16, make_strips(2), np.ones(STATIONS, bool), slice(0, 9), slice(12, 60), 2.0],
     ),
 }
 
@@ -358,7 +363,7 @@ def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
 def test_a_background_of_another_type_is_refused_and_the_process_survives():
     run = subprocess.run([sys.executable, "-c", RECTIFY], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
-    assert run.stdout.count("background: expected (lanes, stations) of float32") == 20
+    assert run.stdout.count("background: expected float32, found uint8") == 20
 
 
 @pytest.mark.parametrize("name", WRAPPERS)
@@ -428,20 +433,23 @@ def test_any_numbers_in_a_strip_are_safe(arrays_and_ends, noise_grey, number, st
     with suppress(ValueError):  # parts that overlap
         parts = slice(0, ends[0]), slice(*ends[1:])
         call_all(
-            RectifiedStrip(along, 16, pixels, pixels, known, *parts, noise_grey, pixels), number, station
+            RectifiedStrip(along, 16, np.stack([pixels] * 3), known, *parts, noise_grey), number, station
         )
     sharpness.sharpness(pixels, 1 + station % len(along))
     sharpness.mean_sharpness(pixels)
     sharpness.is_sharp(pixels, number, noise_grey)
 
 
-def test_a_colour_that_does_not_fit_its_strip_is_refused():
-    with pytest.raises(ValueError, match="chroma: expected"):
-        make_strip(chroma=excess()[:, 1:])
-    image = np.ones((LANES, STATIONS, 3), np.uint8)
-    for pixels, chroma in ((image, excess()[1:]), (image[..., 0].copy(), excess())):
-        with pytest.raises(ValueError, match="chroma: expected"):
-            rectification.subtract_background(pixels, excess(), u_px(), 0.2, (0.0, 9.0), 1.0, chroma)
+def test_planes_that_do_not_fit_their_strip_are_refused():
+    for wrong in (make_strips(1), make_strips(4), excess()):
+        with pytest.raises(ValueError, match="planes: expected 2 or 3 planes of rows; found float32"):
+            make_strip(planes=wrong)
+    image, ends = np.ones((LANES, STATIONS, 3), np.uint8), (0.0, 9.0)
+    with pytest.raises(ValueError, match="planes: expected two, for the strip is grey"):
+        rectification.subtract_background(image[..., 0].copy(), make_strips(3), u_px(), 0.2, ends, 1.0)
+    for part in (np.s_[:, 1:], np.s_[..., 1:], np.s_[::2]):
+        with pytest.raises(ValueError, match="expected"):
+            rectification.subtract_background(image, make_strips(3)[part], u_px(), 0.2, ends, 1.0)
 
 
 @given(st.floats(), st.floats(), st.floats(), arrays(np.float32, 20, elements=st.floats(width=32)))
@@ -451,13 +459,13 @@ def test_any_position_is_sampled_or_refused(x, angle, light, along):
         whole, part = rectification.strip_positions(5, along, (x, -x), direction[::-1], direction)
         assert np.abs(along).max() <= rectification.MAX_PX
         assert whole.shape == (11, 20, 2) and part.max() < 1024
-    background = np.full((11, 20), x, np.float32) if abs(x) < 1e38 else excess(11, 20)
+    background = np.full((2, 11, 20), x, np.float32) if abs(x) < 1e38 else make_strips(2, 11, 20)
     with np.errstate(all="ignore"):
         grey = np.full((11, 20), 255, np.uint8)
         rectification.subtract_background(grey, background, along, 1.0, (x, -x), light)
 
 
-@pytest.mark.parametrize("field", ["u_px", "excess", "detrended", "is_known"])
+@pytest.mark.parametrize("field", ["u_px", "planes", "is_known"])
 @pytest.mark.parametrize("is_view", [False, True])
 def test_a_strip_keeps_the_memory_of_its_arrays(field, is_view):
     owner = np.array(getattr(make_strip(), field))
@@ -588,9 +596,7 @@ def test_the_longest_and_widest_strips_fit_on_the_stack():
         pixels = rng.normal(0, 9, (lanes, stations)).astype(np.float32)
         image = rng.integers(0, 255, (lanes, stations, 3), np.uint8)
         along = u_px(stations)
-        planes = pixels.copy(), pixels.copy()
-        rectification.subtract_background(image, planes[0], along, 0.2, (0.0, 1e9), 1.0, planes[1])
+        planes = np.stack([pixels] * 3)
+        rectification.subtract_background(image, planes.copy(), along, 0.2, (0.0, 1e9), 1.0)
         known, ends = np.ones(stations, bool), (slice(0, stations // 2), slice(stations // 2, stations))
-        call_all(
-            RectifiedStrip(along, lanes // 2, pixels, pixels, known, *ends, 9.0, pixels), 2.0 * stations, 20
-        )
+        call_all(RectifiedStrip(along, lanes // 2, planes, known, *ends, 9.0), 2.0 * stations, 20)

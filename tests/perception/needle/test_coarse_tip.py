@@ -14,7 +14,7 @@ def test_a_needle_that_ends_before_known_background_does_not_enter_the_wall(gap,
     shown = strip(np.zeros((len(LANES), len(u_px))), u_px)
     end, rim = shown.outside.stop - gap, shown.inside.start
     for part in (slice(0, end), slice(rim, rim + 2)):  # at the rim it looks like a tip when the light changes
-        shown.excess[:, part] += 30.0 * (abs(LANES) <= 4)
+        shown.planes[..., part] += 30.0 * (abs(LANES) <= 4)
     tip = estimate_coarse_tip(shown, px_per_mm=20.0, usual_grey=None)
     assert tip is not None
     assert tip.where == where
@@ -26,7 +26,7 @@ def test_a_needle_beyond_a_cannula_that_was_always_there_is_inside(length_px, wh
     shown = strip(np.zeros((len(LANES), len(u_px))), u_px)
     cannula = shown.inside.start + round(40 / STATION_PX)
     for part in (slice(0, shown.outside.stop), slice(cannula, cannula + round(length_px / STATION_PX))):
-        shown.excess[:, part] += 30.0 * (abs(LANES) <= 4)
+        shown.planes[..., part] += 30.0 * (abs(LANES) <= 4)
     tip = estimate_coarse_tip(shown, px_per_mm=20.0, usual_grey=None)
     assert tip is not None
     assert tip.where == where
@@ -36,7 +36,8 @@ def colored(beyond: float):
     """A shaft with a colour of 10 up to 100 px, and another beyond, where its contrast is lost."""
     noise = np.random.default_rng(8).normal(0, NOISE_GREY, (len(LANES), len(U_PX)))
     rest = needle(4, END_PX, beyond) * (U_PX > 100)
-    return replace(strip(needle(4, 100.0)), chroma=(needle(4, 100.0, 10.0) + rest + noise).astype(np.float32))
+    shown, chroma = strip(needle(4, 100.0)), (needle(4, 100.0, 10.0) + rest + noise).astype(np.float32)
+    return replace(shown, planes=np.stack([*shown.planes, chroma]))
 
 
 @pytest.mark.parametrize(("beyond", "until_px"), [(4.5, END_PX), (-4.5, 100.0), (0.0, 100.0)])
@@ -65,7 +66,7 @@ def test_something_short_in_the_globe_to_which_no_needle_leads_may_be_a_cannula(
     shown = strip(np.zeros((len(LANES), len(u_px))), u_px)
     hub, foot = shown.outside.stop - round(outside_px / STATION_PX), shown.inside.start
     for part in (slice(hub, shown.outside.stop), slice(foot, foot + round(length_px / STATION_PX))):
-        shown.excess[:, part] += 30.0 * (abs(LANES) <= 4)
+        shown.planes[..., part] += 30.0 * (abs(LANES) <= 4)
     tip = estimate_coarse_tip(shown, px_per_mm=20.0, usual_grey=None)
     assert tip is not None
     cannulas = Cannulas(px_per_mm=20.0)

@@ -71,8 +71,8 @@ def test_grey_with_chroma_is_brighter_where_it_is_bluer_within_the_globe_alone(e
         ({"inside": slice(9, 170)}, "expected two parts of 170 stations"),
         ({"inside": slice(20, 171)}, "expected two parts of 170 stations"),
         (
-            {"excess": np.zeros((33, 170))},
-            r"excess: expected \(lanes, stations\) of float32 .*; found float64",
+            {"planes": np.zeros((2, 33, 170))},
+            r"planes: expected \(lanes, stations\) of float32 .*; found float64",
         ),
     ],
     ids=["too short", "doubles", "overlapping", "too long", "pixels of doubles"],
@@ -90,7 +90,9 @@ def test_refuses_a_strip_whose_parts_do_not_fit(change, message):
 )
 def test_whatever_a_strip_shows_the_estimates_are_possible(excess, one, other, about_px):
     outside, inside = slice(0, min(one, other)), slice(min(one, other), max(one, other))
-    strip = replace(drawn_strip(np.zeros((33, 170))), excess=excess, outside=outside, inside=inside)
+    strip = replace(
+        drawn_strip(np.zeros((33, 170))), planes=np.stack([excess] * 2), outside=outside, inside=inside
+    )
     tip_estimate = estimate_coarse_tip(strip, 20.0, None)
     assert tip_estimate is None or strip.u_px[0] <= tip_estimate.u_px <= strip.u_px[-1]
     fit = fit_line(strip, about_px, 16.0, Appearance(highlight=(0.1, 0.2), shaded_px=(None, 0.1)))
