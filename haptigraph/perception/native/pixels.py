@@ -23,7 +23,7 @@ from haptigraph.perception.native.arrays import (
 )
 from haptigraph.perception.native.library import LIBRARY
 
-__all__ = ["Marked", "PixelSample", "Region", "fill_marked", "learn_background", "mark_stains"]
+__all__ = ["LearnedBackground", "Marked", "PixelSample", "Region", "fill_marked", "mark_stains"]
 
 Region = tuple[slice, slice]
 """Rows and columns of an image, each with a start and a stop within it."""
@@ -71,41 +71,43 @@ class PixelSample:
         return int(_ranked_grey(first, channels, address(self._pixels), len(self._pixels), rank))
 
 
-def learn_background(
-    image: Image,
-    region: Region,
-    chroma_share: float,
-    is_inside: Mask,
-    is_free: Mask | None,
-    was_visible: Mask,
-    grey: FloatImage,
-    chroma: FloatImage | None,
-) -> None:
-    """Learn what is visible of the background in a region; what is free for the first time as it is.
+class LearnedBackground:
+    """The background of all images of one size. Its arrays are checked once, for they are many.
 
     Args:
-        image: (h, w, 3) BGR or (h, w) grey.
-        region: Part of the image.
-        chroma_share: Of blue less red in the grey within the globe, -1 to 1.
         is_inside: Pixels within the globe, (h, w).
-        is_free: Pixels of the region that the needle does not occlude; None if it is elsewhere.
         was_visible: Pixels that were free before, (h, w); is updated.
         grey: The background, (h, w); is updated.
         chroma: How much bluer than red it is, (h, w); is updated, unless it is None.
     """
-    size_px = np.shape(image)[:2]
-    pixels, channels = checked_image("image", image, size_px)
-    first, rows, columns = _checked_region(region, size_px)
-    inside = checked("is_inside", is_inside, BOOL, size_px) + first
-    visible = checked("was_visible", was_visible, BOOL, size_px) + first
-    grey_at = checked("grey", grey, FLOAT, size_px) + 4 * first
-    chroma_at = 0 if chroma is None else checked("chroma", chroma, FLOAT, size_px) + 4 * first
-    free = 0 if is_free is None else checked("is_free", is_free, BOOL, (rows, columns))
-    share = checked_share("chroma_share", chroma_share)
-    _learn_background(
-        *(pixels + channels * first, channels, size_px[1], rows, columns, share),
-        *(inside, free, visible, grey_at, chroma_at),
-    )
+
+    def __init__(
+        self, is_inside: Mask, was_visible: Mask, grey: FloatImage, chroma: FloatImage | None
+    ) -> None:
+        self._owners = is_inside, was_visible, grey, chroma
+        self._size_px = size_px = np.shape(grey)[:2]
+        self._inside = checked("is_inside", is_inside, BOOL, size_px)
+        self._visible = checked("was_visible", was_visible, BOOL, size_px)
+        self._grey = checked("grey", grey, FLOAT, size_px)
+        self._chroma = 0 if chroma is None else checked("chroma", chroma, FLOAT, size_px)
+
+    def learn(self, image: Image, region: Region, chroma_share: float, is_free: Mask | None) -> None:
+        """Learn what is visible of it in a region; what is free for the first time as it is.
+
+        Args:
+            image: (h, w, 3) BGR or (h, w) grey.
+            region: Part of the image.
+            chroma_share: Of blue less red in the grey within the globe, -1 to 1.
+            is_free: Pixels of the region that the needle does not occlude; None if it is elsewhere.
+        """
+        pixels, channels = checked_image("image", image, self._size_px)
+        first, rows, columns = _checked_region(region, self._size_px)
+        free = 0 if is_free is None else checked("is_free", is_free, BOOL, (rows, columns))
+        _learn_background(
+            *(pixels + channels * first, channels, self._size_px[1], rows, columns),
+            *(checked_share("chroma_share", chroma_share), self._inside + first, free),
+            *(self._visible + first, self._grey + 4 * first, self._chroma and self._chroma + 4 * first),
+        )
 
 
 def mark_stains(

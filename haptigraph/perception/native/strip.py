@@ -105,12 +105,14 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
     @property
     def excess(self) -> FloatImage:
         """Grey levels over the background and over the ramp between the flanks, (2 half_px + 1, n)."""
-        return self.planes[0]
+        plane: FloatImage = self.planes[0]
+        return plane
 
     @property
     def detrended(self) -> FloatImage:
         """Grey levels over the ramp between the flanks alone, same shape."""
-        return self.planes[1]
+        plane: FloatImage = self.planes[1]
+        return plane
 
     @property
     def chroma(self) -> FloatImage | None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Vec, unit
 from haptigraph.imaging import FloatImage, chroma_of, grey_of, grey_with_chroma
 from haptigraph.messages import Image
-from haptigraph.perception.native.pixels import PixelSample, Region, learn_background
+from haptigraph.perception.native.pixels import LearnedBackground, PixelSample, Region
 from haptigraph.perception.needle.rectify import (
     OUTSIDE_MM,
     UNOBSERVED,
@@ -76,7 +76,9 @@ class Background:
         """How many times brighter the eye would be in good light; 1 in good light, or in the dark."""
         self._band = 0
         self.is_new = True
-        self._was_visible, self._to_restore = np.zeros(self.grey.shape, np.bool_), self._registered
+        self._to_restore, was_visible = self._registered, np.zeros(self.grey.shape, np.bool_)
+        chroma = self.chroma if self._learns_chroma else None
+        self._learned = LearnedBackground(self._is_inside, was_visible, self.grey, chroma)
 
     def measure_light(self, image: Image) -> None:
         """Measure the light and, until something is learned, choose the grey."""
@@ -136,10 +138,7 @@ class Background:
             is_free = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.bool_)
             corners = stripe(needle, width_px, (columns.start, rows.start))
             cv2.fillConvexPoly(is_free.view(np.uint8), corners, 0, shift=4)
-        learn_background(
-            *(image, (rows, columns), self.chroma_share, self._is_inside, is_free),
-            *(self._was_visible, self.grey, self.chroma if self._learns_chroma else None),
-        )
+        self._learned.learn(image, (rows, columns), self.chroma_share, is_free)
 
 
 def _reaches(ends: tuple[Vec, Vec], width_px: int, rows: slice) -> bool:

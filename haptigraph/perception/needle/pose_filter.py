@@ -44,6 +44,8 @@ class PoseFilter:
         self._depth = _Depth(0.0, 0.0)
         self._free_line: Line | None = None  # the last measurement, until the needle is in the trocar
         self.is_tracking = False
+        self.line = Line(0.0, 0.0)
+        """The shaft, as predicted or measured last."""
 
     def lose(self) -> None:
         """Forget the needle, but not its RCM."""
@@ -67,6 +69,7 @@ class PoseFilter:
         self._xy *= RCM_MEMORY**2
         self._yy = RCM_MEMORY**2 * self._yy + forgotten
         self._depth.predict(elapsed_s)
+        self.line = self._line()
         return self.line, self._depth.px
 
     def update(
@@ -97,6 +100,7 @@ class PoseFilter:
             share = both / angle_rad2
             beyond_px = line.offset_px - share * line.angle_rad
             self._update_state(-share, *line.normal, beyond_px, offset_px2 - share * both)
+        self.line = self._line()
 
     def _update_state(
         self, by_angle: float, by_x: float, by_y: float, measured: float, variance: float
@@ -139,9 +143,7 @@ class PoseFilter:
         self._depth = _Depth(depth_px, self._px_per_mm)
         self.is_tracking = True
 
-    @property
-    def line(self) -> Line:
-        """The shaft."""
+    def _line(self) -> Line:
         if self._free_line is not None:
             return self._free_line
         angle, _, x, y = self._state

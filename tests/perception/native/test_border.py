@@ -94,6 +94,10 @@ def make_planes():
     )
 
 
+def learn_background(image, region, chroma_share, is_inside, is_free, *planes):
+    region_pixels.LearnedBackground(is_inside, *planes).learn(image, region, chroma_share, is_free)
+
+
 def images(count):
     return np.random.default_rng(count).integers(0, 256, (count, *SIZE_PX, 3), dtype=np.uint8)
 
@@ -147,7 +151,7 @@ WRAPPERS = {
         lambda: [*make_grid_arguments(), np.ones((*SIZE_PX, 3), np.uint8), 0.2, 1.0],
     ),
     "learn_background": (
-        region_pixels.learn_background,
+        learn_background,
         lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 0.2, *make_planes()],
     ),
     "ranked_grey": (
@@ -519,7 +523,7 @@ def test_the_background_learns_only_what_is_free_and_takes_what_is_new_as_it_is(
     for value, rest in ((40, 40.0), (80, 50.0)):
         image = np.full((*SIZE_PX, 3), value, np.uint8)
         image[..., 2] -= 20
-        region_pixels.learn_background(image, REGION, 0.0, is_inside, is_free, was_visible, grey, chroma)
+        learn_background(image, REGION, 0.0, is_inside, is_free, was_visible, grey, chroma)
         learned = grey[REGION]
         assert learned[1, 2] == 0
         assert learned[0, 0] == pytest.approx(rest - 20 * 0.299, abs=0.5)

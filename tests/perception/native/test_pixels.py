@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from haptigraph.perception.native.pixels import learn_background, mark_stains
+from haptigraph.perception.native.pixels import LearnedBackground, mark_stains
 
 SIZE_PX = 40, 700
 BLUE_GREY, RED_GREY = 22, 60
@@ -60,8 +60,8 @@ def test_grey_is_learned_alike_with_and_without_colour(free):
         seen = ((whole + 32768) // 65536).astype(np.float32)
         plain[region] += rate.astype(np.float32) * (seen - plain[region])
         visible = was_visible.copy(), was_visible.copy()
-        learn_background(image, region, 0.3, is_inside, is_free, visible[0], planes[0], planes[1])
-        learn_background(image, region, 0.3, is_inside, is_free, visible[1], planes[2], None)
+        LearnedBackground(is_inside, visible[0], *planes[:2]).learn(image, region, 0.3, is_free)
+        LearnedBackground(is_inside, visible[1], planes[2], None).learn(image, region, 0.3, is_free)
         was_visible[region] |= is_free
         for after in visible:
             np.testing.assert_array_equal(after, was_visible)
