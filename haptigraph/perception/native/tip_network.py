@@ -4,22 +4,12 @@ import ctypes
 
 import numpy as np
 
-from haptigraph.imaging import FloatImage, Floats
+from haptigraph.imaging import FloatImage
 from haptigraph.perception.native.arrays import FLOAT, address, checked
 from haptigraph.perception.native.library import LIBRARY
 from haptigraph.perception.native.strip import RectifiedStrip, native_of
 
-__all__ = [
-    "KINDS",
-    "PLACES",
-    "STATIONS",
-    "VALUES",
-    "WEIGHTS",
-    "judge_tip",
-    "tip_places",
-    "tip_posterior",
-    "tip_window",
-]
+__all__ = ["KINDS", "PLACES", "STATIONS", "VALUES", "WEIGHTS", "judge_tip", "tip_window"]
 
 STATIONS = LIBRARY.constant("TIP_STATIONS")
 """Of a window along the shaft."""
@@ -31,13 +21,10 @@ VALUES = LIBRARY.constant("TIP_VALUES")
 """Of a window."""
 WEIGHTS = LIBRARY.constant("TIP_WEIGHTS")
 """Numbers that the network learns."""
-DOUBLE = np.dtype(np.float64)
 
 _tip_window = LIBRARY.function("tip_window", "pddddip")
-_tip_places = LIBRARY.function("tip_places", "pppp")
-_tip_posterior = LIBRARY.function("tip_posterior", "pdp")
 _judge_tip = LIBRARY.function("judge_tip", "ppdddddip")
-_Context, _Tip = ctypes.c_double * 3, ctypes.c_double * 3
+_Tip = ctypes.c_double * 3
 
 
 def tip_window(
@@ -70,34 +57,6 @@ def tip_window(
     return values
 
 
-def tip_places(weights: FloatImage, window: FloatImage, context: tuple[float, float, float]) -> Floats:
-    """Return the probability of a tip at each place, at none of them, and at the contrast step, (KINDS,).
-
-    Args:
-        weights: What the network has learned, (WEIGHTS,).
-        window: What `tip_window` returned; is changed.
-        context: Noise [grey levels], scale [px per mm], and the step's standard deviation [px].
-    """
-    places = np.empty(KINDS, np.float64)
-    given = checked("weights", weights, FLOAT, (WEIGHTS,)), checked("window", window, FLOAT, (VALUES,))
-    _tip_places(*given, _Context(*context), address(places))
-    return places
-
-
-def tip_posterior(places: Floats, px_per_mm: float) -> tuple[float, float, float]:
-    """Return how far a tip is beyond an apparent one, its sd [mm], and how probably it is far from there.
-
-    Args:
-        places: What `tip_places` returned about that step.
-        px_per_mm: Scale.
-    """
-    if not 0 < px_per_mm < np.inf:
-        raise ValueError(f"px_per_mm: expected a positive number, found {px_per_mm}")
-    found = _Tip()
-    _tip_posterior(checked("places", places, DOUBLE, (KINDS,)), float(px_per_mm), found)
-    return found[0], found[1], found[2]
-
-
 def judge_tip(
     strip: RectifiedStrip,
     weights: FloatImage,
@@ -107,7 +66,7 @@ def judge_tip(
     *,
     is_outside: bool = False,
 ) -> tuple[float, float, float]:
-    """Return what `tip_posterior` does, about a tip along a strip.
+    """Return how far a tip is beyond an apparent one, its sd [mm], and how probably it is far from there.
 
     Args:
         strip: The strip.

@@ -246,15 +246,6 @@ WRAPPERS = {
     "contrast_centroid": (strip.contrast_centroid, lambda: [make_strip(), 3, 30, slice(5, 40)]),
     "estimate_coarse_tip": (strip.estimate_coarse_tip, lambda: [make_strip(), 0.0, -math.inf, 5.0]),
     "tip_window": (tip_network.tip_window, lambda: [make_strip(), 0.5, 0.02, 40.0, 20.0]),
-    "tip_places": (
-        tip_network.tip_places,
-        lambda: [
-            np.ones(tip_network.WEIGHTS, np.float32),
-            np.ones(tip_network.VALUES, np.float32),
-            (2.0, 20.0, 0.2),
-        ],
-    ),
-    "tip_posterior": (tip_network.tip_posterior, lambda: [np.ones(tip_network.KINDS), 20.0]),
     "judge_tip": (
         tip_network.judge_tip,
         lambda: [make_strip(), TIP_WEIGHTS.copy(), (0.5, 0.02), (40.0, 0.2), 20.0],

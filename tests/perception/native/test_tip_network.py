@@ -1,19 +1,20 @@
 """The compiled tip network computes what its definition says, and combines it with a contrast step."""
 
+import ctypes
 import math
 
 import numpy as np
 import pytest
 from drawn_strip import END_PX, HALF_PX, U_PX, needle, strip
 
+from haptigraph.perception.native.library import LIBRARY
 from haptigraph.perception.native.tip_network import (
     KINDS,
     PLACES,
     STATIONS,
     VALUES,
     WEIGHTS,
-    tip_places,
-    tip_posterior,
+    judge_tip,
     tip_window,
 )
 from training import tip_shape
@@ -22,6 +23,21 @@ from training.tip_shape import ACROSS, BEHIND, LANE_MM, SIDE, STEP_MM
 PX_PER_MM = 20.0
 FEATURES, TAPS, LAYERS = 24, 5, 4
 LANES = np.arange(-HALF_PX, HALF_PX + 1)[:, None]
+
+
+def tip_places(weights, window, context):
+    """The probabilities of all places by the compiled network."""
+    values, places = window.copy(), np.empty(KINDS)
+    given = weights.ctypes.data, values.ctypes.data, (ctypes.c_double * 3)(*context), places.ctypes.data
+    LIBRARY.function("tip_places", "pppp")(*given)
+    return places
+
+
+def tip_posterior(places, px_per_mm):
+    """How far a tip is beyond the apparent one, its standard deviation, and how probably it is far."""
+    tip = (ctypes.c_double * 3)()
+    LIBRARY.function("tip_posterior", "pdp")(places.ctypes.data, px_per_mm, tip)
+    return tuple(tip)
 
 
 def rows_of(window):
@@ -95,9 +111,20 @@ def test_the_places_are_those_of_the_networks_definition(seed):
     weights = rng.normal(0, 0.15, WEIGHTS).astype(np.float32)
     window = rng.normal(0, 20, VALUES).astype(np.float32)
     expected = expected_places(weights, window, (3.0, 15.0, 0.2))
-    places = tip_places(weights, window.copy(), (3.0, 15.0, 0.2))
+    places = tip_places(weights, window, (3.0, 15.0, 0.2))
     assert places == pytest.approx(expected, rel=1e-3, abs=1e-6)
     assert places.sum() == pytest.approx(1)
+
+
+def test_a_tip_is_judged_by_what_its_window_shows():
+    weights = np.random.default_rng(3).normal(0, 0.15, WEIGHTS).astype(np.float32)
+    drawn, line, at_px = strip(needle(4.0)), (0.4, 0.01), END_PX + 3
+    places = tip_places(
+        weights, tip_window(drawn, *line, at_px, PX_PER_MM), (drawn.noise_grey, PX_PER_MM, 0.2)
+    )
+    judged = judge_tip(drawn, weights, line, (at_px, 0.2), PX_PER_MM)
+    assert judged == tip_posterior(places, PX_PER_MM)
+    assert judged != judge_tip(drawn, weights, line, (at_px, 0.2), PX_PER_MM, is_outside=True)
 
 
 def test_the_network_is_trained_in_the_shape_that_it_has():
