@@ -33,7 +33,7 @@ def open_page(chromium):
             context.add_init_script(script)
         page = context.new_page()
         page.set_default_timeout(30_000)
-        page.problems, page.module = problems, module
+        page.problems, page.module, page.is_left = problems, module, False
         page.on(
             "console", lambda message: problems.append(message.text) if _is_error(message, page) else None
         )
@@ -67,8 +67,8 @@ def late_ms():
 
 
 def _is_error(message, page) -> bool:
-    """Whether it is an error, and not one that arrives after its page was closed."""
-    return message.type == "error" and not page.is_closed()
+    """Whether it is an error, and not one that arrives once its page is being closed."""
+    return message.type == "error" and not (page.is_left or page.is_closed())
 
 
 def _is_foreign(url: str) -> bool:

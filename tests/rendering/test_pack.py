@@ -21,7 +21,7 @@ GROUND, BOWL, RIM, NEEDLE = 100, 180, 220, 20
 BLUR_PX = 0.7  # of a focused lens
 
 
-FINER = 4  # OpenCV draws an outline as well, half a pixel wide: a quarter of that once the image is reduced
+FINER = 2  # OpenCV draws an outline as well, half a pixel wide: half of that once the image is reduced
 
 
 def drawn(pose):

@@ -147,7 +147,8 @@ def until(page: Any, condition: str, within_s: float = 30, module: str = "") -> 
 
 
 def close_page(page: Any) -> None:
-    """Close a page whose server stops, and drop the errors that the browser logs about it."""
+    """Close a page whose server stops, and drop the errors that the browser logs about it, even later."""
+    page.is_left = True
     page.close()
     expected = ("WebSocket connection to", "Failed to load resource: net::ERR_")
     page.problems[:] = [problem for problem in page.problems if not any(word in problem for word in expected)]
