@@ -1,9 +1,10 @@
 /* The compiled part of perception: loops over pixels, edges and contrasts.
 
    Python calls it through the wrappers beside it, one per function, which check every argument before C sees
-   it. Plain C11 without state: no globals, no allocation that outlives a call. Doubles, except for the pixels
-   of strips, which are floats. Sums run in the order of the indices and nothing is contracted or reassociated
-   (see hatch_build.py), so one image gives the same digits on every machine with IEEE 754. */
+   it; tests call two more. Plain C11 without state: no globals, no allocation that outlives a call. Doubles,
+   except for the pixels of strips, which are floats. Sums run in the order of the indices and nothing is
+   contracted or reassociated (see hatch_build.py), so it gives the same digits on every machine with IEEE
+   754. OpenCV, which samples a strip's background, rounds the last bit by the processor. */
 
 #pragma once
 
