@@ -1,6 +1,7 @@
 """Checks of arrays before C reads or writes them."""
 
 import ctypes
+import math
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,9 @@ __all__ = [
     "checked_image",
     "checked_planes",
     "checked_rows",
+    "checked_scale",
     "checked_share",
+    "owners_of",
 ]
 
 MIN_LANES, MAX_LANES = LIBRARY.constant("MIN_LANES"), LIBRARY.constant("MAX_LANES")
@@ -103,6 +106,18 @@ def checked_share(name: str, share: float) -> float:
     if not -1 <= share <= 1:
         raise ValueError(f"{name}: expected a number from -1 to 1, found {share}")
     return float(share)
+
+
+def checked_scale(px_per_mm: float) -> float:
+    """Return a scale, by which C divides."""
+    if not 0 < px_per_mm < math.inf:
+        raise ValueError(f"px_per_mm: expected a positive number, found {px_per_mm}")
+    return float(px_per_mm)
+
+
+def owners_of(*arrays: NDArray[Any]) -> tuple[Any, ...]:
+    """Return what owns the arrays' memory, to keep: NumPy resizes no array that others refer to."""
+    return *arrays, *(array.base for array in arrays)
 
 
 def _wrong_type(name: str, array: Any) -> TypeError:

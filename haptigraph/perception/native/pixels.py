@@ -20,6 +20,7 @@ from haptigraph.perception.native.arrays import (
     checked_copy,
     checked_image,
     checked_share,
+    owners_of,
 )
 from haptigraph.perception.native.library import LIBRARY
 
@@ -84,12 +85,12 @@ class LearnedBackground:
     def __init__(
         self, is_inside: Mask, was_visible: Mask, grey: FloatImage, chroma: FloatImage | None
     ) -> None:
-        self._owners = is_inside, was_visible, grey, chroma
         self._size_px = size_px = np.shape(grey)[:2]
         self._inside = checked("is_inside", is_inside, BOOL, size_px)
         self._visible = checked("was_visible", was_visible, BOOL, size_px)
         self._grey = checked("grey", grey, FLOAT, size_px)
         self._chroma = 0 if chroma is None else checked("chroma", chroma, FLOAT, size_px)
+        self._owners = owners_of(is_inside, was_visible, grey, *([] if chroma is None else [chroma]))
 
     def learn(self, image: Image, region: Region, chroma_share: float, is_free: Mask | None) -> None:
         """Learn what is visible of it in a region; what is free for the first time as it is.

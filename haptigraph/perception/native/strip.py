@@ -1,7 +1,6 @@
 """Rectified strips as Python and C share them, and each function of the library that reads one."""
 
 import ctypes
-import math
 from collections.abc import Sequence
 from operator import index
 from typing import Any
@@ -11,7 +10,15 @@ from msgspec import Struct
 from msgspec.structs import force_setattr
 
 from haptigraph.imaging import FloatImage, Mask
-from haptigraph.perception.native.arrays import BOOL, FLOAT, address, checked, checked_planes
+from haptigraph.perception.native.arrays import (
+    BOOL,
+    FLOAT,
+    address,
+    checked,
+    checked_planes,
+    checked_scale,
+    owners_of,
+)
 from haptigraph.perception.native.library import LIBRARY, pack
 
 __all__ = [
@@ -79,7 +86,7 @@ class _Native(Struct, frozen=True):
     lanes: int
     stations: int
     owners: tuple[Any, ...]
-    """What owns its memory: NumPy resizes no array that others refer to."""
+    """What owns its memory."""
 
 
 class RectifiedStrip(Struct, frozen=True, eq=False):
@@ -90,7 +97,8 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
     half_px: int
     """Lanes to either side of the line."""
     planes: FloatImage
-    """`excess`, `detrended` and, unless the grey alone counts, `chroma`, (2 or 3, 2 half_px + 1, n)."""
+    """`excess`, `detrended` and, unless the grey alone counts, how much bluer than red the pixels are, over
+    background and ramp, (2 or 3, 2 half_px + 1, n)."""
     is_known: Mask
     """Stations whose background is known, (n,)."""
     outside: slice
@@ -115,11 +123,6 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
         return plane
 
     @property
-    def chroma(self) -> FloatImage | None:
-        """How much bluer than red the pixels are, over background and ramp, same shape."""
-        return self.planes[2] if len(self.planes) > 2 else None
-
-    @property
     def wall_px(self) -> float:
         """Position of the last station outside the wall; there must be one."""
         return float(self.u_px[self.outside.stop - 1])
@@ -142,9 +145,8 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
             raise ValueError(f"outside, inside: expected two parts of {stations} stations, found {ends}")
         along = checked("u_px", u_px, FLOAT, (stations,)), checked("is_known", is_known, BOOL, (stations,))
         chroma = (first + 2 * apart, *rest) if len(planes) > 2 else (0, 0, 0, 0)
-        owners = planes, u_px, is_known, planes.base, u_px.base, is_known.base
         packed = pack(_STRIP, first, *rest, first + apart, *rest, *along, self.noise_grey, *ends, *chroma)
-        force_setattr(self, "native", _Native(packed, rest[1], stations, owners))
+        force_setattr(self, "native", _Native(packed, rest[1], stations, owners_of(planes, u_px, is_known)))
 
 
 def core_contrast(strip: RectifiedStrip, part: slice) -> tuple[FloatImage, float]:
@@ -208,10 +210,8 @@ def estimate_coarse_tip(
     Returns:
         0 for no needle, 1 for a tip outside the wall, 2 occluded by it, 3 inside; the station and evidence.
     """
-    if not 0 < px_per_mm < math.inf:
-        raise ValueError(f"px_per_mm: expected a positive number, found {px_per_mm}")
-    packed, tip = native_of(strip).packed, _Pair()
-    where = _estimate_coarse_tip(packed, float(usual_grey), float(tracked_px), float(px_per_mm), tip)
+    packed, tip, scale = native_of(strip).packed, _Pair(), checked_scale(px_per_mm)
+    where = _estimate_coarse_tip(packed, float(usual_grey), float(tracked_px), scale, tip)
     return where, int(tip[0]), tip[1]
 
 

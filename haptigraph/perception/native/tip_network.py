@@ -5,7 +5,7 @@ import ctypes
 import numpy as np
 
 from haptigraph.imaging import FloatImage
-from haptigraph.perception.native.arrays import FLOAT, address, checked
+from haptigraph.perception.native.arrays import FLOAT, address, checked, checked_scale
 from haptigraph.perception.native.library import LIBRARY
 from haptigraph.perception.native.strip import RectifiedStrip, native_of
 
@@ -49,10 +49,8 @@ def tip_window(
         px_per_mm: Scale.
         is_outside: Whether the tip is before the globe, not in it.
     """
-    if not 0 < px_per_mm < np.inf:
-        raise ValueError(f"px_per_mm: expected a positive number, found {px_per_mm}")
     values = np.empty(VALUES, np.float32)
-    given = float(offset_px), float(slope), float(tip_px), float(px_per_mm)
+    given = float(offset_px), float(slope), float(tip_px), checked_scale(px_per_mm)
     _tip_window(native_of(strip).packed, *given, bool(is_outside), address(values))
     return values
 
@@ -76,8 +74,6 @@ def judge_tip(
         px_per_mm: Scale.
         is_outside: Whether the tip is before the globe, not in it.
     """
-    if not 0 < px_per_mm < np.inf:
-        raise ValueError(f"px_per_mm: expected a positive number, found {px_per_mm}")
-    found, given = _Tip(), (*map(float, (*line, *tip, px_per_mm)), bool(is_outside))
+    found, given = _Tip(), (*map(float, (*line, *tip)), checked_scale(px_per_mm), bool(is_outside))
     _judge_tip(native_of(strip).packed, checked("weights", weights, FLOAT, (WEIGHTS,)), *given, found)
     return found[0], found[1], found[2]

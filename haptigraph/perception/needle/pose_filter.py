@@ -38,14 +38,11 @@ class PoseFilter:
     def reset(self) -> None:
         """Forget the needle and its RCM."""
         self._state: Four = (0.0, 0.0, 0.0, 0.0)  # angle, its rate, and RCM (x, y)
-        # The upper triangle of its covariance, row by row: a for the angle, r for its rate, x and y.
-        self._aa = self._ar = self._ax = self._ay = self._rr = self._rx = self._ry = self._xy = 0.0
-        self._xx = self._yy = self._rcm_px2
+        # Its covariance's upper triangle, here and in `lose`: a for the angle, r for its rate, x and y.
+        self._xx, self._xy, self._yy = self._rcm_px2, 0.0, self._rcm_px2
         self._depth = _Depth(0.0, 0.0)
         self._free_line: Line | None = None  # the last measurement, until the needle is in the trocar
-        self.is_tracking = False
-        self.line = Line(0.0, 0.0)
-        """The shaft, as predicted or measured last."""
+        self.lose()
 
     def lose(self) -> None:
         """Forget the needle, but not its RCM."""
@@ -69,7 +66,6 @@ class PoseFilter:
         self._xy *= RCM_MEMORY**2
         self._yy = RCM_MEMORY**2 * self._yy + forgotten
         self._depth.predict(elapsed_s)
-        self.line = self._line()
         return self.line, self._depth.px
 
     def update(
@@ -100,7 +96,6 @@ class PoseFilter:
             share = both / angle_rad2
             beyond_px = line.offset_px - share * line.angle_rad
             self._update_state(-share, *line.normal, beyond_px, offset_px2 - share * both)
-        self.line = self._line()
 
     def _update_state(
         self, by_angle: float, by_x: float, by_y: float, measured: float, variance: float
@@ -143,7 +138,9 @@ class PoseFilter:
         self._depth = _Depth(depth_px, self._px_per_mm)
         self.is_tracking = True
 
-    def _line(self) -> Line:
+    @property
+    def line(self) -> Line:
+        """The shaft."""
         if self._free_line is not None:
             return self._free_line
         angle, _, x, y = self._state

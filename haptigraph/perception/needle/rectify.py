@@ -237,11 +237,13 @@ def rectify(
     (dx, dy), foot_px = line.direction, line.at_px(eye.trocar_px, 0.0)
     positions = strip_positions(eye.half_px, u_px, foot_px, (-dy, dx), (dx, dy))
     pixels = _sampled(image, positions)
-    ground = [background] if chroma is None or image.ndim == 2 else [background, chroma]
+    ground = {"background": background}
+    if chroma is not None and image.ndim == 3:
+        ground["chroma"] = chroma
     planes = np.empty((len(ground) + 1, *pixels.shape[:2]), np.float32)
-    for shown, plane in zip(ground, planes[::2], strict=True):  # between them is room for what is detrended
-        if _sampled(shown, positions, plane) is not plane:
-            raise ValueError(f"background: expected float32, found {shown.dtype}")
+    for name, plane in zip(ground, planes[::2], strict=True):  # between them is room for what is detrended
+        if _sampled(ground[name], positions, plane) is not plane:
+            raise ValueError(f"{name}: expected float32, found {ground[name].dtype}")
     outer, inner, far = wall
     globe_px = outer, far + inner - outer
     is_known, noise_grey = subtract_background(pixels, planes, u_px, chroma_share, globe_px, light)

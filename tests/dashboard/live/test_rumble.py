@@ -165,7 +165,7 @@ def test_a_tip_that_is_not_visible_silences_it_and_page_and_terminal_say_so(vibr
     live.process.send_signal(signal.SIGUSR2)
     assert_silent(page, event_ms)
     explanation = "the needle is seen, its tip is not. Haptic output is off."
-    page.wait_for_selector(f"#banner:has-text('Tip not visible'):has-text('{explanation}')")
+    page.wait_for_selector(f"#banner:has-text('Tip not visible') span:text-is('{explanation}')")
     assert page.inner_text("#state").lower() == "tip not visible"
     assert "tip not visible" in page.locator("#diagram .node.on title").text_content()
     output = live.stop()

@@ -1,6 +1,7 @@
 """The process of a force device: errors in one sentence, replaced when it fails, and an honest end."""
 
 import os
+import re
 import signal
 import threading
 from contextlib import ExitStack, closing
@@ -25,11 +26,13 @@ def opened():
 
 
 def until_said(process, problem, times=1):
-    """Wait for a problem; a busy computer may report others, for instance a reading that is 10 ms old."""
+    """Wait for a problem, and hear no other but the old readings of a busy computer."""
     heard = []
     until(
         lambda: heard.extend(process.take_problems()) or heard.count(problem) >= times, f"not said: {problem}"
     )
+    others = [each for each in heard if each != problem]
+    assert all(re.fullmatch(r"\w+: the device's reading is \d+ ms old", each) for each in others), others
 
 
 def processes():

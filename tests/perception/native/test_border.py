@@ -480,6 +480,17 @@ def test_a_strip_keeps_the_memory_of_its_arrays(field, is_view):
     assert strip.fit_line(shown, 50.0, 9.0, APPEARANCE)[0] == pytest.approx(expected, nan_ok=True)
 
 
+def test_a_learned_background_keeps_the_memory_of_its_arrays():
+    is_inside, _, was_visible, *planes = make_planes()
+    views = [np.array(plane)[...] for plane in planes]
+    learned = region_pixels.LearnedBackground(is_inside, was_visible, *views)
+    for view in views:
+        with pytest.raises(ValueError, match="cannot resize"):
+            view.base.resize((10**6,))
+    learned.learn(np.full((*SIZE_PX, 3), 40, np.uint8), REGION, 0.0, None)
+    assert (views[0][REGION] == 40).all()
+
+
 def test_a_search_grid_does_not_notice_later_changes_of_its_arrays():
     arguments = make_grid_arguments()
     grid = search_grid.SearchGrid(*arguments)
