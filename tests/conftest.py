@@ -1,9 +1,12 @@
 """Shared fixtures. The eye of the tests is the simulator's; clips beside the checkout are used where present."""
 
+import atexit
 import gc
 import os
 import re
+import shutil
 import signal
+import tempfile
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
@@ -29,6 +32,12 @@ from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 settings.register_profile("haptigraph", deadline=None, derandomize=True, max_examples=50)
 settings.register_profile("fuzz", deadline=None, max_examples=3000)
 settings.load_profile("haptigraph")
+
+# Matplotlib's settings and list of fonts are those of this run, workers and programs included: a user's settings change
+# figures, and a list that another environment wrote may lack the fonts of this one.
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    os.environ["MPLCONFIGDIR"] = tempfile.mkdtemp(prefix="haptigraph-matplotlib-")
+    atexit.register(shutil.rmtree, os.environ["MPLCONFIGDIR"], ignore_errors=True)
 
 # A shell's background job ignores them, and so would the runs that tests start and end by them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
