@@ -14,5 +14,5 @@ def test_every_name_in_the_sources_is_in_the_library():
 
     names = exported_names(NATIVE)
 
-    assert {"fit_line", "best_path", "needle_scores", "is_sharp", "sources"} <= names
+    assert {"fit_line", "best_path", "needle_scores", "end_slant", "sources"} <= names
     assert all(ctypes.c_char.in_dll(library, name) is not None for name in names)

@@ -125,17 +125,3 @@ EXPORT double own_color_share(const Strip *strip, int start, int stop, double gr
     for (int n = 0; n < stop - start; n++) colored += shown_grey[n] >= maximum(noise_grey, own_grey / 2);
     return (double)colored / (stop - start);
 }
-
-/* Return the lane of the contrast's centroid, from one lane to another, in the mean of some stations; NaN
-   without contrast. */
-EXPORT double contrast_centroid(const Strip *strip, int first, int last, int start, int stop) {
-    double total = 0, moment = 0;
-    for (int lane = first > 0 ? first : 0; lane <= last && lane < strip->excess.lanes; lane++) {
-        const float *row = strip->excess.first + lane * strip->excess.stride;
-        double sum = 0;
-        for (int station = start; station < stop; station++) sum += row[station];
-        total += fabs(sum);
-        moment += fabs(sum) * lane;
-    }
-    return total > 0 ? moment / total : NAN;
-}

@@ -60,7 +60,7 @@ void residuals_of_common_line(const Pairs *pairs, const double *weight, double *
 }
 
 /* Turn a symmetric matrix into its inverse (Cholesky). */
-static void invert(double matrix[UNKNOWNS][UNKNOWNS]) {
+void invert(double matrix[UNKNOWNS][UNKNOWNS]) {
     double lower[UNKNOWNS][UNKNOWNS] = {{0}}, back[UNKNOWNS][UNKNOWNS] = {{0}};
     for (int row = 0; row < UNKNOWNS; row++) {
         for (int column = 0; column <= row; column++) {
@@ -86,8 +86,7 @@ static void invert(double matrix[UNKNOWNS][UNKNOWNS]) {
 }
 
 /* Multiply a matrix by a vector. */
-static void multiply(double matrix[UNKNOWNS][UNKNOWNS], const double vector[UNKNOWNS],
-                     double product[UNKNOWNS]) {
+void multiply(double matrix[UNKNOWNS][UNKNOWNS], const double vector[UNKNOWNS], double product[UNKNOWNS]) {
     for (int row = 0; row < UNKNOWNS; row++) {
         product[row] = 0;
         for (int column = 0; column < UNKNOWNS; column++)

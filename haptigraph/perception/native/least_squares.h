@@ -1,4 +1,4 @@
-/* What `shaft_line.c` needs of `least_squares.c`. */
+/* What other files need of `least_squares.c`. */
 
 #pragma once
 
@@ -26,6 +26,8 @@ typedef struct {
     double answer[UNKNOWNS], covariance[UNKNOWNS][UNKNOWNS], light_rad, scatter;
 } Solution;
 
+void invert(double matrix[UNKNOWNS][UNKNOWNS]);
+void multiply(double matrix[UNKNOWNS][UNKNOWNS], const double vector[UNKNOWNS], double product[UNKNOWNS]);
 void residuals_of_common_line(const Pairs *pairs, const double *weight, double *residual_px);
 void solve(const Pairs *pairs, const Appearance *appearance, double reach_px, Residuals *residuals,
            Solution *found);

@@ -185,5 +185,4 @@ double noise_threshold_grey(double noise_grey, int count);
 
 /* Return whether the mean of all stations is sharper across the shaft than noise, and than a share of its own
    contrast. */
-EXPORT int is_sharp(const float *excess, ptrdiff_t stride, int lanes, int stations, double share,
-                    double noise_grey);
+int is_sharp(const float *excess, ptrdiff_t stride, int lanes, int stations, double share, double noise_grey);

@@ -12,14 +12,13 @@ from haptigraph.imaging import FloatImage
 from haptigraph.perception.native.arrays import MAX_STATIONS, address, checked_rows
 from haptigraph.perception.native.library import LIBRARY
 
-__all__ = ["AROUND_PX", "is_sharp", "mean_sharpness", "sharpness", "sharpness_threshold"]
+__all__ = ["AROUND_PX", "mean_sharpness", "sharpness", "sharpness_threshold"]
 
 AROUND_PX = LIBRARY.constant("AROUND_PX")
 """To either side of a shaft's middle, in which the sharpness of its point is measured."""
 
 _sharpness = LIBRARY.function("sharpness", "pniiip")
 _mean_sharpness = LIBRARY.function("mean_sharpness", "pnii", ctypes.c_double)
-_is_sharp = LIBRARY.function("is_sharp", "pniidd", ctypes.c_int)
 _sharpness_threshold = LIBRARY.function("sharpness_threshold", "di", ctypes.c_double)
 
 
@@ -45,17 +44,6 @@ def mean_sharpness(excess: FloatImage) -> float:
         excess: Lanes across the shaft, (lanes, n).
     """
     return float(_mean_sharpness(*checked_rows("excess", excess)))
-
-
-def is_sharp(excess: FloatImage, share: float, noise_grey: float) -> bool:
-    """Return whether the mean of all stations is sharper than noise and than a share of its own contrast.
-
-    Args:
-        excess: Lanes across the shaft, (lanes, n).
-        share: Of the contrast.
-        noise_grey: Standard deviation of a pixel.
-    """
-    return bool(_is_sharp(*checked_rows("excess", excess), float(share), float(noise_grey)))
 
 
 def sharpness_threshold(noise_grey: float, stations: int) -> float:

@@ -2,7 +2,6 @@
 
 import ctypes
 from collections.abc import Sequence
-from operator import index
 from typing import Any
 
 import numpy as np
@@ -27,8 +26,8 @@ __all__ = [
     "STATION_PX",
     "RectifiedStrip",
     "colored_share",
-    "contrast_centroid",
     "core_contrast",
+    "end_slant",
     "estimate_coarse_tip",
     "fit_line",
     "native_of",
@@ -68,9 +67,9 @@ _TIP_PATCH = LIBRARY.layout(
 )
 
 _core_contrast = LIBRARY.function("core_contrast", "piip", ctypes.c_double)
-_contrast_centroid = LIBRARY.function("contrast_centroid", "piiii", ctypes.c_double)
 _colored_share = LIBRARY.function("colored_share", "piid", ctypes.c_double)
 _own_color_share = LIBRARY.function("own_color_share", "piid", ctypes.c_double)
+_end_slant = LIBRARY.function("end_slant", "pddddp", ctypes.c_int)
 _estimate_coarse_tip = LIBRARY.function("estimate_coarse_tip", "pdddp", ctypes.c_int)
 _fit_line = LIBRARY.function("fit_line", "pddppppp", ctypes.c_int)
 _refine_tip = LIBRARY.function("refine_tip", "ppp", ctypes.c_int)
@@ -179,21 +178,19 @@ def colored_share(strip: RectifiedStrip, part: slice, min_grey: float, *, own: b
     return float(share_of(native.packed, *_span(part, native.stations), float(min_grey)))
 
 
-def contrast_centroid(strip: RectifiedStrip, first: int, last: int, part: slice) -> float:
-    """Return the lane of the contrast's centroid in the mean of some stations; nan without contrast.
+def end_slant(
+    strip: RectifiedStrip, line: tuple[float, float], tip_px: float, width_px: float
+) -> tuple[float, float, float] | None:
+    """Return how a shaft's end is cut: slant, curve and the slant's sd [widths]; None if too little shows.
 
     Args:
         strip: The strip.
-        first: Lane to begin with.
-        last: Lane to end with.
-        part: Of its stations, one at least.
+        line: Offset and slope of the shaft's middle.
+        tip_px: The tip along the strip.
+        width_px: Of the shaft.
     """
-    native = native_of(strip)
-    start, stop = _span(part, native.stations)
-    if stop <= start:
-        raise ValueError(f"part: expected at least one station, found {part}")
-    first, last = max(index(first), 0), min(index(last), native.lanes - 1)
-    return float(_contrast_centroid(native.packed, first, last, start, stop))
+    found, given = _Triple(), map(float, (*line, tip_px, width_px))
+    return (found[0], found[1], found[2]) if _end_slant(native_of(strip).packed, *given, found) else None
 
 
 def estimate_coarse_tip(

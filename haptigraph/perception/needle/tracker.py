@@ -269,8 +269,8 @@ class Tracker:
             self._tip_selector.forget()
             return
         tip, fit, candidate = detection.tip, detection.fit, detection.candidate
-        if candidate.patch is not None and tip.where == "inside":
-            self._bevel.learn(candidate.strip, candidate.patch, tip.u_px, fit)
+        if tip.where == "inside" and tip.is_known:
+            self._bevel.learn(candidate.strip, tip.u_px, fit)
         if tip.where == "inside" and tip.contrast_grey:
             before = tip.contrast_grey if self._usual_grey is None else self._usual_grey
             self._usual_grey = before + CONTRAST_RATE * (tip.contrast_grey - before)

@@ -235,7 +235,6 @@ WRAPPERS = {
     ),
     "sharpness": (sharpness.sharpness, lambda: [excess(), 4]),
     "mean_sharpness": (sharpness.mean_sharpness, lambda: [excess()]),
-    "is_sharp": (sharpness.is_sharp, lambda: [excess(), 0.2, 2.0]),
     "sharpness_threshold": (sharpness.sharpness_threshold, lambda: [2.0, 4]),
     "core_contrast": (strip.core_contrast, lambda: [make_strip(), slice(5, 40)]),
     "colored_share": (strip.colored_share, lambda: [make_strip(), slice(25, 40), 1.0]),
@@ -243,7 +242,7 @@ WRAPPERS = {
         partial(strip.colored_share, own=True),
         lambda: [make_strip(), slice(25, 40), 1.0],
     ),
-    "contrast_centroid": (strip.contrast_centroid, lambda: [make_strip(), 3, 30, slice(5, 40)]),
+    "end_slant": (strip.end_slant, lambda: [make_strip(), (0.5, 0.02), 80.0, 6.0]),
     "estimate_coarse_tip": (strip.estimate_coarse_tip, lambda: [make_strip(), 0.0, -math.inf, 5.0]),
     "tip_window": (tip_network.tip_window, lambda: [make_strip(), 0.5, 0.02, 40.0, 20.0]),
     "judge_tip": (
@@ -337,7 +336,9 @@ def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
     refine, stop = WRAPPERS["refine_tip"][0], min(station + 2, len(shown.u_px))
     for call in (
         lambda: strip.core_contrast(shown, part),
-        lambda: strip.contrast_centroid(shown, -3, station, part),
+        lambda: strip.end_slant(shown, (number, 0.1), station, abs(number)),
+        lambda: strip.end_slant(shown, (0.5, number), 2 * station, 4.0),
+        lambda: strip.end_slant(shown, (0.5, 0.0), number, 6.0),
         lambda: strip.colored_share(shown, part, number),
         lambda: strip.colored_share(shown, part, number, own=True),
         lambda: strip.estimate_coarse_tip(shown, number, number, abs(number)),
@@ -432,7 +433,6 @@ def test_any_numbers_in_a_strip_are_safe(arrays_and_ends, noise_grey, number, st
         )
     sharpness.sharpness(pixels, 1 + station % len(along))
     sharpness.mean_sharpness(pixels)
-    sharpness.is_sharp(pixels, number, noise_grey)
 
 
 def test_planes_that_do_not_fit_their_strip_are_refused():

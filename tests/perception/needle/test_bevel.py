@@ -84,3 +84,9 @@ def test_forgets_the_bevel_of_the_last_needle(tracker):
     follow(tracker, [drawn(tip_px, 1, 40.0) for tip_px in DEPTHS_PX])
     observation = follow(tracker, [drawn(tip_px, 0, 40.0) for tip_px in DEPTHS_PX[:3]])
     assert off_axis_px(observation) == pytest.approx(0, abs=0.01)
+
+
+def test_images_that_disagree_show_no_bevel(tracker):
+    sides = [1 if number % 2 else -1 for number in range(len(DEPTHS_PX))]
+    images = [drawn(tip_px, side, 40.0) for tip_px, side in zip(DEPTHS_PX, sides, strict=True)]
+    assert off_axis_px(follow(tracker, images)) == pytest.approx(0, abs=0.01)
