@@ -4,7 +4,7 @@ Of a volume, it shows three sections through the tip. For people only; perceptio
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import cv2
 import numpy as np
@@ -166,7 +166,8 @@ class VolumeView(EyeView):
         pictures: tuple[dict[str, Geometry], ...] = {}, {}, {}
         for name, shape in found.items():
             main = section_of(shape, at.z_mm) if isinstance(shape, Surface) else shape
-            shown = main, self._across(shape, at.at_mm[0]), self._above(shape)
+            above = _projected(shape, lambda at_mm, z_mm: (at_mm[0], self.above_mm - z_mm))
+            shown = main, self._across(shape, at.at_mm[0]), above
             for picture, projected in zip(pictures, shown, strict=True):
                 if projected is not None:
                     picture[name] = projected
@@ -175,25 +176,10 @@ class VolumeView(EyeView):
     def _across(self, shape: Geometry, x_mm: float) -> Geometry | None:
         """Return a shape in the section of constant x, z to the right; None if it does not show."""
         to_mm = self.across_mm
-        if isinstance(shape, Point):
-            return Point((to_mm + shape.z_mm, shape.at_mm[1]))
-        if isinstance(shape, Segment):
-            start = to_mm + shape.start_z_mm, shape.start_mm[1]
-            return Segment(start, (to_mm + shape.end_z_mm, shape.end_mm[1]))
         if isinstance(shape, Surface):
             heights = ((to_mm + z_mm, height_on_surface(x_mm, z_mm, shape)) for z_mm in shape.z_mm)
             return Polyline(tuple(heights))
-        return None
-
-    def _above(self, shape: Geometry) -> Geometry | None:
-        """Return a shape as seen from above, where z grows downwards; None if it does not show."""
-        to_mm = self.above_mm
-        if isinstance(shape, Point):
-            return Point((shape.at_mm[0], to_mm - shape.z_mm))
-        if isinstance(shape, Segment):
-            start = shape.start_mm[0], to_mm - shape.start_z_mm
-            return Segment(start, (shape.end_mm[0], to_mm - shape.end_z_mm))
-        return None
+        return _projected(shape, lambda at_mm, z_mm: (to_mm + z_mm, at_mm[1]))
 
     def _put(self, picture: Image, section: Image, middle_mm: Vec, size_mm: Vec) -> None:
         """Draw a section; its first row is at the top."""
@@ -205,6 +191,15 @@ class VolumeView(EyeView):
         height, width = picture[place].shape
         shown = cv2.resize(np.ascontiguousarray(section), (width, height), interpolation=cv2.INTER_AREA)
         picture[place] = np.asarray(shown, np.uint8)
+
+
+def _projected(shape: Geometry, project: Callable[[Vec, float], Vec]) -> Geometry | None:
+    """Return a shape with its points projected; None if it does not show."""
+    if isinstance(shape, Point):
+        return Point(project(shape.at_mm, shape.z_mm))
+    if isinstance(shape, Segment):
+        return Segment(project(shape.start_mm, shape.start_z_mm), project(shape.end_mm, shape.end_z_mm))
+    return None
 
 
 def _tip(found: Mapping[str, Geometry]) -> Point:

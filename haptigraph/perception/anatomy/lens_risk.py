@@ -72,7 +72,8 @@ def _costs_and_errors(rim: Rim, tilt: CameraTilt | None, size_px: tuple[int, int
     first = np.array([*inner.center_px, radius, right, down, closeness, wall])
     starts = {len(SHARES) // 2: first}
     rows: dict[int, tuple[float, float]] = {}
-    for number in _outwards(len(SHARES)):
+    outwards = sorted(range(len(SHARES)), key=lambda number: abs(number - len(SHARES) // 2))
+    for number in outwards:  # each fit starts from its neighbour's
         share = float(SHARES[number])
         points = _undistorted(inner_px, share, middle), _undistorted(outer_px, share, middle)
         both = starts[number], starts[number] * OPPOSITE
@@ -91,11 +92,6 @@ def _section_positions(points_px: Floats, values: Floats, middle_px: Vec) -> Flo
     x, y, radius, right, down, closeness, _ = map(float, values)
     tilt = CameraTilt((x, y), (right, down), radius / closeness, middle_px)
     return np.asarray((tilt.frontal_from_image.many(points_px) - (x, y)) / radius)
-
-
-def _outwards(count: int) -> list[int]:
-    """Return numbers from the middle one to both ends, so that each fit starts from its neighbour's."""
-    return sorted(range(count), key=lambda number: abs(number - count // 2))
 
 
 def _undistorted(points_px: Floats, share: float, middle_px: Vec) -> Floats:

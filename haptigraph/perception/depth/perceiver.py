@@ -133,7 +133,8 @@ class DepthPerceiver:
         ends_px = strip.first_px, strip.tip_px
         blocks = sample(image, depth, ends_px, HALF_WIDTH_MM / mm_per_px, hidden, stated_px)
         inverse, systematic = self._of_axis(blocks, strip, is_stated=stated_px is not None)
-        sd = self._inverse_sd(depth)
+        rounding_mm = depth.unit_mm / math.sqrt(12)
+        sd = math.hypot(self._plane.camera.inverse_sd_per_mm, rounding_mm / self._plane.section_mm**2)
         for from_px in (-math.inf, strip.entry_px):
             part = blocks.along_px > from_px
             fit = robust_line(blocks.along_px[part], inverse[part], sd, systematic[:, part])
@@ -186,11 +187,6 @@ class DepthPerceiver:
         inner, middle = self._registration.globe.radius_mm, math.hypot(*self._registration.trocar.at_mm)
         outer = 2 * max(middle, inner) - inner
         return np.asarray((at_mm > inner - WALL_MARGIN_MM) & (at_mm < outer + WALL_MARGIN_MM), np.bool_)
-
-    def _inverse_sd(self, depth: DepthImage) -> float:
-        """Return the standard deviation of one over a depth [1/mm], with that of its rounding."""
-        rounding_mm = depth.unit_mm / math.sqrt(12)
-        return math.hypot(self._plane.camera.inverse_sd_per_mm, rounding_mm / self._plane.section_mm**2)
 
     def _judged(self, fit: Fit, strip: _Strip, tip_sd_mm: float) -> _InSpace | None:
         """Return the shaft in space; None if it is too uncertain or does not pass through the trocar."""

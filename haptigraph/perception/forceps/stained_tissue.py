@@ -97,7 +97,8 @@ class StainedTissue:
         is_large = facts[:, cv2.CC_STAT_AREA] >= SPECK_MM2 * self._px_per_mm**2
         is_large[0] = False
         part = is_large[parts]
-        return _Stain(part, marked.within) if self._area_mm2(part) >= min_mm2 else None
+        area_mm2 = float(np.count_nonzero(part)) / self._px_per_mm**2
+        return _Stain(part, marked.within) if area_mm2 >= min_mm2 else None
 
     def _without_dye(self, image: Image, dye: _Stain) -> Image:
         """Return an image with the dye filled from its surroundings."""
@@ -120,9 +121,6 @@ class StainedTissue:
         )
         fill_marked(image, region, dyed.view(np.bool_), width // 2, self._undyed)
         return self._undyed
-
-    def _area_mm2(self, part: Mask) -> float:
-        return float(np.count_nonzero(part)) / self._px_per_mm**2
 
     def _edge(self, dye: _Stain) -> Point:
         """Return the highest point above the retina."""

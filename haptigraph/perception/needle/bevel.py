@@ -28,7 +28,7 @@ class Bevel:
 
     def reset(self) -> None:
         """Forget the needle."""
-        self._images = self._slant = self._squared = self._curve = 0.0
+        self._sums: tuple[float, ...] = (0.0,) * 4
         self.off_axis_px = 0.0
         """How far the tip is off the axis, along the normal; 0 unless it clearly is a bevel's."""
 
@@ -44,18 +44,14 @@ class Bevel:
         if found is None:
             return
         slant, curve, slant_sd = found
-        doubt, kept = slant_sd / CLEAR_SD, 1 - RATE
-        weight = 1 / (1 + doubt * doubt)
-        self._images = kept * self._images + weight
-        self._slant = kept * self._slant + weight * slant
-        self._squared = kept * self._squared + weight * slant * slant
-        self._curve = kept * self._curve + weight * curve
-        share = self._slant / math.hypot(self._slant, 2 * self._curve) if self._slant else 0.0
-        is_bevel = self._is_slanted() and abs(share) >= MIN_SHARE
+        doubt = slant_sd / CLEAR_SD
+        weight, kept = 1 / (1 + doubt * doubt), 1 - RATE
+        new = 1.0, slant, slant * slant, curve
+        images, slants, squares, curves = self._sums = tuple(
+            kept * before + weight * value for before, value in zip(self._sums, new, strict=True)
+        )
+        is_slanted = abs(slants) >= MIN_SLANT * (images + DOUBT)
+        is_rigid = slants * slants >= RIGID_SD**2 * (images * squares - slants * slants)
+        share = slants / math.hypot(slants, 2 * curves) if slants else 0.0
+        is_bevel = is_slanted and is_rigid and abs(share) >= MIN_SHARE
         self.off_axis_px = share * fit.width_px / 2 if is_bevel else 0.0
-
-    def _is_slanted(self) -> bool:
-        """Return whether the images agree on a slant."""
-        spread = self._images * self._squared - self._slant * self._slant
-        is_rigid = self._slant * self._slant >= RIGID_SD**2 * spread
-        return is_rigid and abs(self._slant) >= MIN_SLANT * (self._images + DOUBT)

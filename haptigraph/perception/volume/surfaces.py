@@ -132,7 +132,8 @@ class _Finder:
         height = self._cells.height_mm(row - HALF) + RISE_MM
         scale, x_mm = self._cells.scale, self._cells.x_mm
         z_mm = scale.z_mm
-        visible = _opened(visible)
+        opened = cv2.morphologyEx(visible.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+        visible = np.asarray(opened > 0)  # without specks
         if visible.sum() < 12:
             nothing = np.zeros_like(visible)
             return HeightMap(x_mm, z_mm, height, nothing, np.full(height.shape, np.inf))
@@ -174,12 +175,6 @@ def _refined(step: FloatImage, path: NDArray[np.int32]) -> Floats:
     best = near[1:-1].argmax(axis=0) + 1
     before, at, after = (np.take_along_axis(near, (best + off)[None], axis=0)[0] for off in (-1, 0, 1))
     return np.asarray(middle + (best - reach) + peak_offset(before, at, after), np.float64)
-
-
-def _opened(visible: Mask) -> Mask:
-    """Remove specks."""
-    kernel = np.ones((2, 2), np.uint8)
-    return np.asarray(cv2.morphologyEx(visible.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0)
 
 
 def _trend(x_mm: Floats, z_mm: Floats, height: Floats, visible: Mask) -> Floats:
