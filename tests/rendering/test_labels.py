@@ -19,8 +19,8 @@ ALL_STATES = [
     "target_hit",
     "unknown",  # in the retina, occluded by the wall's near edge
 ]
-START_ALIGNED = {"lot_brick", "lot_coal", "lot_cocoa", "lot_fawn", "lot_prune"}  # drawn by lot
-STAYS_VISIBLE = {"lot_blush"}  # to the end
+START_ALIGNED = {"lot_brick", "lot_caramel", "lot_coal", "lot_cocoa", "lot_fawn", "lot_prune"}  # drawn by lot
+STAYS_VISIBLE = {"lot_blush", "lot_purple"}  # to the end
 
 
 @pytest.mark.parametrize("name", scene_names())
