@@ -90,7 +90,7 @@ test-native: setup  ## the tests of perception with the address and undefined-be
 	rm -rf $(SANITIZED) && mkdir -p $(SANITIZED) && cp -R haptigraph $(SANITIZED)
 	CC=gcc $(BIN)/python hatch_build.py $(SANITIZED)/$(NATIVE)/native.library -g -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libstdc++.so.6)" ASAN_OPTIONS=detect_leaks=0 \
-		$(BIN)/python -m pytest -n auto -s -o pythonpath="$(SANITIZED) . tests/support" tests/perception
+		$(BIN)/python -m pytest -n auto -s -o pythonpath="$(SANITIZED) $$($(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["tool"]["pytest"]["ini_options"]["pythonpath"])')" tests/perception
 
 # npm and Node come from a wheel in .venv; Node's own programs expect it in PATH.
 node_modules/ready: .venv/locked package.json package-lock.json
