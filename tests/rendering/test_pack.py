@@ -89,6 +89,7 @@ def test_evaluate_reads_the_clip_and_finds_the_needle_at_its_true_position(score
     assert scores["false_detections"] == scores["wrong_contact_images"] == 0
     assert scores["state_agreement"] > 0.95
     assert scores["angle_error_deg"]["deep"]["p95"] < 0.3
+    assert scores["tip_error_px"]["median"] < 3
     assert scores["final_state"] == "target_hit"
 
 
@@ -96,10 +97,8 @@ def test_evaluate_reads_the_clip_and_finds_the_needle_at_its_true_position(score
 def test_the_contrast_ends_at_the_true_tip(clip):
     registration = load_registration(clip / "registration.toml")
     tracker = Tracker(registration, PerceptionConfig(), uses_network=False)
-    trocar_px, video = (
-        registration.image.to_px(registration.trocar.at_mm),
-        cv2.VideoCapture(clip / "clip.mp4"),
-    )
+    trocar_px = registration.image.to_px(registration.trocar.at_mm)
+    video = cv2.VideoCapture(clip / "clip.mp4")
     errors_px = []
     for number, row in enumerate(load_truth(clip / "truth.csv")):
         found = tracker.detect(video.read()[1], number * STEP_NS)

@@ -17,7 +17,7 @@ DOUBT = 1.0  # how many clear images without a slant are assumed
 CLEAR_SD = 0.2  # widths: sd of the slant in a clear image
 MIN_SLANT = 0.7  # widths over the whole width,
 RIGID_SD = 2.0  # and so many of its standard deviations from image to image: a bevel is rigid
-MIN_SHARE = 0.7  # of half the width that a tip is off the axis: in one that is less, a cone is as probable
+MIN_SHARE = 0.7  # of half the width, off the axis: a tip that is nearer to it may as well be a cone's
 
 
 class Bevel:

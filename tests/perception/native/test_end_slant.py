@@ -15,19 +15,19 @@ ROUND = np.sqrt(np.maximum(1 - X**2, 0))
 LIT = 40.0 * (1 + 0.6 * X)  # from one side
 
 
-def drawn(ends_px, grey=LIT, noise_grey=0.0, blur_px=0.8, seed=0):
+def drawn(ends_px, noise_grey=0.0, blur_px=0.8, seed=0):
     """A strip with a shaft each of whose lanes ends somewhere."""
     covered = np.clip(WIDTH_PX / 2 + 0.5 - abs(ACROSS_PX), 0, 1)
     ends = np.clip((ends_px - U_PX) / STATION_PX + 0.5, 0, 1)
-    excess = blurred(covered * ends * grey, blur_px, STATION_PX)
+    excess = blurred(covered * ends * LIT, blur_px, STATION_PX)
     noise = np.random.default_rng(seed).normal(0, noise_grey, (2, *excess.shape))
     return replace(strip(excess), planes=(excess + noise).astype(np.float32), noise_grey=noise_grey)
 
 
-def cut(slant, roll_deg=0.0, length=SLANT):
-    """Where a plane cuts the shaft, its tip at END_PX: to one side, or towards the camera and back."""
+def cut(side, roll_deg=0.0):
+    """Where a plane cuts the shaft, its tip at END_PX: to one side, 1 or -1, and rolled towards the camera."""
     cosine, sine = np.cos(np.radians(roll_deg)), np.sin(np.radians(roll_deg))
-    return END_PX - WIDTH_PX * length / 2 * (1 - np.sign(slant) * cosine * np.clip(X, -1, 1) - sine * ROUND)
+    return END_PX - WIDTH_PX * SLANT / 2 * (1 - side * cosine * np.clip(X, -1, 1) - sine * ROUND)
 
 
 def found(ends_px, **options):
@@ -64,10 +64,8 @@ def test_an_end_that_is_the_same_on_both_sides_has_no_slant(ends_px, curved):
 
 
 def test_noise_makes_the_slant_as_uncertain_as_it_is():
-    slants, sds = [], []
-    for seed in range(60):
-        slant, _, sd = found(cut(1), noise_grey=6.0, seed=seed)
-        slants.append(slant), sds.append(sd)
+    noisy = [found(cut(1), noise_grey=6.0, seed=seed) for seed in range(60)]
+    slants, _, sds = zip(*noisy, strict=True)
     assert np.mean(slants) == pytest.approx(found(cut(1))[0], abs=0.15)
     assert np.std(slants) == pytest.approx(np.median(sds), rel=0.4)
 
