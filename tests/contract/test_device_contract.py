@@ -64,9 +64,10 @@ def test_all_devices_are_under_contract():
     assert set(OPENERS) == set(assemble.DEVICES)
 
 
-def test_a_device_reports_its_capabilities(device):
+def test_a_device_reports_its_capabilities_and_an_observer_does_not_change_them(device):
     assert isinstance(device, Device)
     check_capabilities(device.capabilities)
+    assert ObservedDevice(device, lambda *edge: None).capabilities == device.capabilities
 
 
 def test_a_device_accepts_every_amplitude_and_silence_at_any_time(device):
@@ -82,10 +83,6 @@ def test_a_device_can_be_closed_twice_even_while_it_vibrates(device):
     device.set(0.5, 80.0, 1)
     device.close()
     device.close()
-
-
-def test_an_observer_does_not_change_the_capabilities(device):
-    assert ObservedDevice(device, lambda *edge: None).capabilities == device.capabilities
 
 
 def test_the_controller_of_the_page_reports_its_capabilities():

@@ -106,8 +106,16 @@ def recordings(quick_uri, procedure, tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def calm_uri(quick, tmp_path_factory) -> str:
+    """A scenario of one image a second, for servers of whose loop nothing is asked."""
+    path = tmp_path_factory.mktemp("calm") / "calm.toml"
+    path.write_text(Path(quick).read_text().replace("rate_hz = 15", "rate_hz = 1"))
+    return f"phantom:{path}"
+
+
 @pytest.fixture(scope="module")
-def archive(quick_uri, recordings):
+def archive(calm_uri, recordings):
     """One server of that folder, for tests that only read."""
-    with Live(quick_uri, "--recordings", recordings) as running:
+    with Live(calm_uri, "--recordings", recordings) as running:
         yield running

@@ -132,7 +132,7 @@ def test_lines_of_a_draft_stand_out_from_any_grey(line, live, open_page):
     assert worst >= 3
 
 
-@pytest.mark.parametrize("theme", ["dark", "light"])
+@pytest.mark.parametrize("theme", mostly_slow(["dark", "light"], "light"))
 def test_icons_drawings_and_controls_stand_out_from_the_page(theme, live, open_page):
     page = open_page(live.url)
     use_theme(page, theme)

@@ -5,6 +5,7 @@ import sys
 from contextlib import ExitStack
 
 import pytest
+from helpers import mostly_slow
 from inspecting import SIZES, axe_violations, layout_problems, use_theme
 from live_bench import PAD, Live, until
 from paths import DATA, ROOT
@@ -266,7 +267,7 @@ def test_nothing_overlaps_is_cut_off_or_scrolls_sideways(page, size):
         assert layout_problems(page, size) == [], theme
 
 
-@pytest.mark.parametrize("theme", ["dark", "light"])
+@pytest.mark.parametrize("theme", mostly_slow(["dark", "light"], "dark"))
 def test_axe_finds_no_violations(page, theme):
     page.set_viewport_size({"width": 1280, "height": 720})
     use_theme(page, theme)

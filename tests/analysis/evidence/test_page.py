@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from helpers import mostly_slow
 
 from haptigraph.analysis.evidence.gathering import Results, safety_case
 from haptigraph.analysis.evidence.page import page
@@ -34,7 +35,7 @@ def address(tmp_path_factory) -> str:
     return file.as_uri()
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("theme", mostly_slow(["light", "dark"], "light"))
 @pytest.mark.parametrize("width", [390, 1280])
 def test_it_fits_is_readable_and_loads_nothing_else(chromium, address, width, theme):
     context = chromium.new_context(viewport={"width": width, "height": 844}, color_scheme=theme)

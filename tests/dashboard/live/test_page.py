@@ -77,6 +77,12 @@ def test_a_measured_target_is_not_marked(live, open_page):
     assert open_page(live.url).locator("#assumed").is_hidden()
 
 
+def test_without_phases_there_are_no_buttons(open_page, live):
+    page = open_page(live.url)
+    until(page, "page.header")
+    assert not page.locator("#phases").is_visible()
+
+
 def middle_px(element):
     """JavaScript for the horizontal middle of an element."""
     return f"(({{ left, right }}) => (left + right) / 2)({element}.getBoundingClientRect())"

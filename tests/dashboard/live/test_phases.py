@@ -31,9 +31,3 @@ def test_a_phase_is_entered_by_button_and_by_key_and_shown_to_every_viewer(phase
     wait_in(other, second)
     other.keyboard.press("3")
     wait_in(phased, third)
-
-
-def test_without_phases_there_are_no_buttons(open_page, live):
-    page = open_page(live.url)
-    until(page, "page.header")
-    assert not page.locator("#phases").is_visible()

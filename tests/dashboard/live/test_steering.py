@@ -256,6 +256,7 @@ def bring_to_the_edge(page):
         press_until(page, ["Shift", key], f"measures.distance_to_edge_mm < 0.2 || {passed}")
 
 
+@pytest.mark.slow  # sources/test_steered.py peels one by steps
 def test_the_keyboard_peels_a_membrane(forceps):
     page = forceps
     press_until(page, ["o"], "measures.opening_mm > 1.2")

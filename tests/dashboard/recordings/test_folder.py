@@ -68,12 +68,12 @@ def test_a_timeline_is_sent_in_columns_and_its_steps_singly(archive, recordings)
     assert data[4 + length :] == capture.encoded  # byte for byte as recorded
 
 
-@pytest.mark.parametrize("number", ["-1", "117", "1e3", "nan", "", "9" * 40])
-def test_an_invalid_step_number_is_refused(archive, number):
+def test_an_invalid_step_number_is_refused(archive):
     get(archive, "/recordings/timeline", name="quick.mcap")
-    status, data = get(archive, "/recordings/step", name="quick.mcap", number=number)
-    assert status == 422
-    assert json.loads(data)["problem"].startswith("quick.mcap: ")
+    for number in ("-1", "117", "1e3", "nan", "", "9" * 40):
+        status, data = get(archive, "/recordings/step", name="quick.mcap", number=number)
+        assert status == 422, number
+        assert json.loads(data)["problem"].startswith("quick.mcap: ")
 
 
 @pytest.mark.parametrize(
@@ -102,10 +102,10 @@ def test_an_invalid_procedure_is_refused(archive, compared, sentence):
     assert sentence in content["problem"]
 
 
-def test_the_door_is_the_same_for_all_pages(archive, quick_uri, recordings):
+def test_the_door_is_the_same_for_all_pages(archive, calm_uri, recordings):
     assert get(archive, "/recordings/list", method="POST")[0] == 403
     assert get(archive, "/recordings/nothing")[0] == 404
-    with Live(quick_uri, "--recordings", recordings, "--token", "secret") as live:
+    with Live(calm_uri, "--recordings", recordings, "--token", "secret") as live:
         for path in ("/recordings", "/recordings/list", "/recordings/step", "/recordings/timeline"):
             assert get(live, path, name="quick.mcap")[0] == 403
 
@@ -157,8 +157,8 @@ def test_without_a_source_the_address_of_the_recordings_is_printed(recordings):
         assert f"haptigraph: the recordings are at {live.url}recordings; " in "".join(live.lines)
 
 
-def test_a_recording_of_version_0_1_is_listed_drawn_and_exported(quick_uri):
-    with Live(quick_uri, "--recordings", DATA / "v0_1") as live:
+def test_a_recording_of_version_0_1_is_listed_drawn_and_exported(calm_uri):
+    with Live(calm_uri, "--recordings", DATA / "v0_1") as live:
         (row,) = json.loads(get(live, "/recordings/list")[1])["runs"]
         assert (row["version"], row["problem"], row["is_whole"]) == ("0.1.0", "", True)
         (*_, (content, _)) = messages(get(live, "/recordings/timeline", name="run.mcap")[1])
@@ -190,9 +190,9 @@ def test_a_run_of_volumes_replays_identically_and_is_shown_in_three_sections(qui
     assert picture.shape == (720, 720) and picture.std() > 20
 
 
-def test_recordings_are_found_in_the_archive_of_the_folder(quick_uri, recordings, tmp_path):
+def test_recordings_are_found_in_the_archive_of_the_folder(calm_uri, recordings, tmp_path):
     folder = Path(shutil.copytree(recordings, tmp_path / "recordings", symlinks=True))
-    with Live(quick_uri, "--recordings", folder) as live:
+    with Live(calm_uri, "--recordings", folder) as live:
         ((content, _),) = messages(get(live, "/recordings/find")[1])
         assert "has no archive; create one with `haptigraph archive" in content["problem"]
         update_archive(folder)

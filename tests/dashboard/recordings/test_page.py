@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from helpers import mostly_slow
 from live_bench import Live, close_page, evaluate, until
 
 from haptigraph import assemble
@@ -129,6 +130,7 @@ def test_seeking_shows_image_state_and_graph_of_the_recorded_step(archive, open_
         assert drawn == pytest.approx(theta_deg, abs=1e-4) if theta_deg is not None else np.isnan(drawn)
 
 
+@pytest.mark.slow  # seeking compares the images of six steps
 def test_the_image_is_that_of_the_step(archive, open_page, recordings, records):
     page = open_run(open_page, archive)
     info = RunReader(recordings / "quick.mcap").info
@@ -189,12 +191,14 @@ def test_a_comparison_shows_differences_under_another_procedure(archive, open_pa
     assert all(compared is None for *_, compared in evaluate(page, bounds, MODULE))
 
 
-def test_a_failed_device_is_shown_until_it_responds_again(quick_uri, open_page, tmp_path, monkeypatch):
+def test_a_failed_device_is_shown_until_it_responds_again(
+    quick_uri, calm_uri, open_page, tmp_path, monkeypatch
+):
     monkeypatch.setitem(assemble.DEVICES, "flaky", "own_parts:FlakyDevice")
     record = f'recording.path="{tmp_path}/run.mcap"'
     settings = (f"source.uri={quick_uri}", "run.realtime=false", "haptics.device=flaky:3.0-4.0", record)
     assemble.build(load_config(None, settings)).run()
-    with Live(quick_uri, "--recordings", tmp_path) as live:
+    with Live(calm_uri, "--recordings", tmp_path) as live:
         page = open_run(open_page, live, "run.mcap")
         (fault,) = evaluate(page, "page.run.content.faults", MODULE)
         assert (fault["message"], fault["ended"]) == ("unplugged", "responds again")
@@ -335,7 +339,7 @@ def test_a_deleted_recording_is_reported(quick_uri, open_page, recordings, tmp_p
         close_page(page)
 
 
-@pytest.mark.parametrize("size", [(1366, 768), (390, 844)])
+@pytest.mark.parametrize("size", mostly_slow([(1366, 768), (390, 844)], (390, 844)))
 def test_an_address_names_a_step_and_a_procedure_to_compare_with(archive, open_page, size):
     address = f"{archive.url}recordings#quick.mcap?step=40&with=wide.toml"
     page = open_page(address, module=MODULE, ready="document.body.dataset.step === '40'", size=size)

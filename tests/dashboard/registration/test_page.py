@@ -320,6 +320,7 @@ def test_a_refused_source_keeps_the_open_one(page, quick, tmp_path):
     expect(page.locator("#save-button")).to_be_enabled()
 
 
+@pytest.mark.slow  # test_keyboard.py overwrites one
 def test_an_existing_file_is_overwritten_after_confirmation(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     out = tmp_path / "made.toml"

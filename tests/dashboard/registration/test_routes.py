@@ -62,8 +62,8 @@ def test_a_source_is_opened_checked_and_saved(live, found, eye, tmp_path):
     assert send(live, "load", {"number": found["number"], "path": str(out)})[1]["draft"]["file"] == "eye.toml"
 
 
-def test_start_returns_the_source_that_runs(live, quick_uri):
-    assert send(live, "start") == (200, {"source": quick_uri, "starts_loop": False})
+def test_start_returns_the_source_that_runs(live, calm_uri):
+    assert send(live, "start") == (200, {"source": calm_uri, "starts_loop": False})
 
 
 @pytest.mark.parametrize(

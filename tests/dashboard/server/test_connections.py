@@ -18,8 +18,8 @@ HALF_A_BODY = (
 
 
 @pytest.fixture
-def running(quick_uri):
-    with Live(quick_uri) as running:
+def running(calm_uri):
+    with Live(calm_uri) as running:
         yield running
 
 

@@ -77,8 +77,8 @@ def test_posts_of_other_origins_are_refused(live):
 
 
 @pytest.fixture(scope="module")
-def guarded(quick_uri):
-    with Live(quick_uri, "--host", "0.0.0.0", "--token", "open sesame") as running:
+def guarded(calm_uri):
+    with Live(calm_uri, "--host", "0.0.0.0", "--token", "open sesame") as running:
         yield running
 
 
@@ -103,8 +103,8 @@ def test_the_token_moves_into_a_cookie(guarded):
         assert next_text(line, "hello")["procedure"]["name"] == "subretinal_injection"
 
 
-def test_a_token_is_generated_if_none_is_given(quick_uri):
-    with Live(quick_uri, "--host", "0.0.0.0") as live:
+def test_a_token_is_generated_if_none_is_given(calm_uri):
+    with Live(calm_uri, "--host", "0.0.0.0") as live:
         assert len(live.url.partition("?token=")[2]) >= 16
 
 

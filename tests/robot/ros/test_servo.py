@@ -33,11 +33,11 @@ def test_the_tool_is_found_through_static_and_moving_transforms(connected):
     assert robot.read().pose.position_mm == pytest.approx((170.0, -30.0, 100.0))
 
 
-@pytest.mark.parametrize("code", STATES)
-def test_a_status_is_an_operating_state(connected, code):
+def test_a_status_is_an_operating_state(connected):
     robot, process = connected
-    process.stdin.write(f"{code}\n")
-    until(lambda: robot.read().operating.state == STATES[code], "the state does not follow")
+    for code, state in STATES.items():
+        process.stdin.write(f"{code}\n")
+        until(lambda state=state: robot.read().operating.state == state, f"the state does not follow {code}")
 
 
 def test_an_unknown_status_is_a_fault(connected):
