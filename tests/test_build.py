@@ -162,6 +162,7 @@ def test_the_median_in_c_is_the_upper_one(sources):
     is_the_upper_one()
 
 
+@pytest.mark.slow  # `make wheels` checks and tries wheels
 def test_a_wheel_is_for_every_python_of_the_platform(checkout, tmp_path, monkeypatch):
     monkeypatch.chdir(checkout)
     name = hatchling.build.build_wheel(str(tmp_path))

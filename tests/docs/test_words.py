@@ -24,5 +24,6 @@ def test_parts_of_words_and_old_names_are_not():
     assert not found_in('OLD_KEYS = {\n    "told_mm": "reported_mm",\n}')
 
 
+@pytest.mark.slow  # `make check` finds them too
 def test_no_text_of_the_project_has_one(capsys):
     assert main() == 0, capsys.readouterr().out
