@@ -18,7 +18,7 @@ BUILDS ?= 2
 PAGES ?= docs
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help docs docs-snippets docs-site setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train train-tip render render-tips rig test-rig rig-registration interop test-exports wheels lock clean
+.PHONY: help docs docs-snippets docs-site setup demo live test test-cache test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train train-tip render render-tips rig test-rig rig-registration interop test-exports wheels lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -60,6 +60,9 @@ test: setup  ## all tests, or TESTS=...; those of the pages need Chromium
 	nice -n 19 $(PYTEST) -m "not realtime and not slow" $(TESTS); others=$$?; \
 	wait $$realtime; realtime=$$?; cat build/realtime.log; \
 	case "$$realtime $$others" in "0 0" | "0 5" | "5 0") ;; *) exit 1 ;; esac  # 5: TESTS selects none
+
+test-cache: setup  # compiles tests and what they import once; else each worker of `make test` does it for itself
+	$(BIN)/python -m pytest --collect-only --quiet >/dev/null
 
 test-pythons:  ## all tests, or TESTS=..., on OTHER_PYTHONS (on PATH or from pyenv), each in an environment of its own
 	@tested= missing= failed=; for version in $(OTHER_PYTHONS); do \
