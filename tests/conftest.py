@@ -125,6 +125,14 @@ def quick_uri(quick: str) -> str:
 
 
 @pytest.fixture(scope="session")
+def sparse_uri(quick: str, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The same motion in a third of the images, for tests that need a run, but not each of its steps."""
+    path = tmp_path_factory.mktemp("sparse") / "sparse.toml"
+    path.write_text(Path(quick).read_text().replace("rate_hz = 15", "rate_hz = 5"))
+    return f"phantom:{path}"
+
+
+@pytest.fixture(scope="session")
 def procedure() -> Procedure:
     return load_procedure("subretinal_injection")
 
@@ -138,6 +146,24 @@ def registration_toml() -> str:
 @pytest.fixture(scope="session")
 def registration(registration_toml: str) -> Registration:
     return parse_registration(registration_toml, "registration.toml")
+
+
+@pytest.fixture(scope="session")
+def find_anatomy():
+    """Find the anatomy in equal images only once."""
+    from helpers import remembered
+
+    from haptigraph.analysis.registering import registering
+
+    return remembered(registering.find_anatomy)
+
+
+@pytest.fixture(scope="module")
+def anatomy_once(find_anatomy) -> Iterator[None]:
+    """Registrations of equal images, of which these tests make many, share what was found in them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("haptigraph.analysis.registering.registering.find_anatomy", find_anatomy)
+        yield
 
 
 @pytest.fixture

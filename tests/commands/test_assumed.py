@@ -11,16 +11,18 @@ from paths import RENDERINGS
 from haptigraph.recording.reader import RunReader
 from haptigraph.registration.loading import load_registration, parse_registration
 
+pytestmark = pytest.mark.usefixtures("anatomy_once")
+
 
 @pytest.fixture(scope="module")
-def folder(quick_uri, tmp_path_factory) -> Path:
+def folder(sparse_uri, tmp_path_factory) -> Path:
     """`assumed.toml` and `stated.toml`, and a recording with the former."""
     folder = tmp_path_factory.mktemp("assumed")
-    report = call("register", quick_uri, "-o", folder / "assumed.toml", "--images", "12").stdout
+    report = call("register", sparse_uri, "-o", folder / "assumed.toml", "--images", "12").stdout
     (folder / "report.txt").write_text(report)
     call(
         "register",
-        quick_uri,
+        sparse_uri,
         "-o",
         folder / "stated.toml",
         "--target-mm",
@@ -32,7 +34,13 @@ def folder(quick_uri, tmp_path_factory) -> Path:
         "12",
     )
     run = call(
-        "run", quick_uri, "--fast", "--registration", folder / "assumed.toml", "--record", folder / "run.mcap"
+        "run",
+        sparse_uri,
+        "--fast",
+        "--registration",
+        folder / "assumed.toml",
+        "--record",
+        folder / "run.mcap",
     )
     (folder / "run.txt").write_text(run.output)
     return folder
@@ -57,28 +65,28 @@ def test_register_marks_nothing_that_was_stated(folder):
     assert not {"target", "scale", "mirror"} & set(load_registration(folder / "stated.toml").assumed)
 
 
-def test_nothing_vibrates_for_an_assumed_target(folder, quick_uri, tmp_path):
-    felt, log = amplitudes(quick_uri, folder / "assumed.toml", tmp_path / "touch.csv")
+def test_nothing_vibrates_for_an_assumed_target(folder, sparse_uri, tmp_path):
+    felt, log = amplitudes(sparse_uri, folder / "assumed.toml", tmp_path / "touch.csv")
     assert felt <= {0.0}
     assert "assumed, not measured: the target" in log and "haptic output is off" in log
     assert log.index("haptic output is off") < log.index("0.00 s")
 
 
-def test_the_user_may_accept_it(folder, quick_uri, tmp_path):
-    felt, log = amplitudes(quick_uri, folder / "assumed.toml", tmp_path / "touch.csv", "--accept-assumed")
+def test_the_user_may_accept_it(folder, sparse_uri, tmp_path):
+    felt, log = amplitudes(sparse_uri, folder / "assumed.toml", tmp_path / "touch.csv", "--accept-assumed")
     assert max(felt) == 1.0
     assert "assumed, not measured: the target" in log and "haptic output is on (--accept-assumed)" in log
 
 
-def test_a_stated_target_needs_no_consent(folder, quick_uri, tmp_path):
-    felt, log = amplitudes(quick_uri, folder / "stated.toml", tmp_path / "touch.csv")
+def test_a_stated_target_needs_no_consent(folder, sparse_uri, tmp_path):
+    felt, log = amplitudes(sparse_uri, folder / "stated.toml", tmp_path / "touch.csv")
     assert max(felt) == 1.0
     assert "the target" not in log.partition("0.00 s")[0]
 
 
-def test_a_target_stated_by_a_setting_needs_no_consent(folder, quick_uri, tmp_path):
+def test_a_target_stated_by_a_setting_needs_no_consent(folder, sparse_uri, tmp_path):
     felt, _ = amplitudes(
-        quick_uri, folder / "assumed.toml", tmp_path / "touch.csv", "--set", "source.target_mm=1.9"
+        sparse_uri, folder / "assumed.toml", tmp_path / "touch.csv", "--set", "source.target_mm=1.9"
     )
     assert max(felt) == 1.0
 
@@ -106,12 +114,12 @@ def test_evaluate_marks_it(tmp_path):
     assert scores["assumed"] == ["target"]
 
 
-def test_a_study_refuses_assumed_positions(folder, quick_uri, tmp_path):
+def test_a_study_refuses_assumed_positions(folder, sparse_uri, tmp_path):
     pytest.importorskip("sqlalchemy")
     call("study", "new", tmp_path / "study")
     text = (folder / "assumed.toml").read_text().replace('assumed = ["target"', 'assumed = ["trocar"')
     (tmp_path / "eye.toml").write_text(text)
     line = refuse(
-        "study", "run", tmp_path / "study", "--source", quick_uri, "--registration", tmp_path / "eye.toml"
+        "study", "run", tmp_path / "study", "--source", sparse_uri, "--registration", tmp_path / "eye.toml"
     )
     assert "eye.toml: assumes the trocar" in line and "a study needs measured positions" in line

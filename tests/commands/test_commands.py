@@ -51,9 +51,9 @@ def recording(quick_uri, tmp_path_factory) -> Path:
     return path
 
 
-def test_run_prints_states_and_a_summary(quick_uri, tmp_path):
+def test_run_prints_states_and_a_summary(sparse_uri, tmp_path):
     trace = tmp_path / "touch.csv"
-    result = call("run", quick_uri, "--fast", "--device", f"trace:{trace}", "--set", "trial.participant=P1")
+    result = call("run", sparse_uri, "--fast", "--device", f"trace:{trace}", "--set", "trial.participant=P1")
     assert result.exit_code == 0
     assert "retinal_contact" in result.stderr
     for text in (
@@ -212,11 +212,11 @@ def test_recover_repairs_a_truncated_recording(recording, tmp_path):
     assert "steps identical" in call("replay", truncated).output
 
 
-def test_a_broken_claim_is_printed_behind_the_state_of_its_step(quick_uri, tmp_path):
+def test_a_broken_claim_is_printed_behind_the_state_of_its_step(sparse_uri, tmp_path):
     text = Path(haptigraph.__file__).with_name("procedures").joinpath("subretinal_injection.toml").read_text()
     strict = tmp_path / "strict.toml"
     strict.write_text(text.replace("most_changes = 6", "most_changes = 1"))
-    lines = call("run", quick_uri, "--fast", "--procedure", strict).output.splitlines()
+    lines = call("run", sparse_uri, "--fast", "--procedure", strict).output.splitlines()
     broken = [number for number, line in enumerate(lines) if "! violated: " in line]
     assert broken
     for number in broken:
@@ -226,7 +226,7 @@ def test_a_broken_claim_is_printed_behind_the_state_of_its_step(quick_uri, tmp_p
         assert all("! violated: " in line for line in following)
 
 
-def test_a_recorder_that_failed_is_reported_by_every_command(quick_uri, tmp_path, monkeypatch):
+def test_a_recorder_that_failed_is_reported_by_every_command(sparse_uri, tmp_path, monkeypatch):
     append, path = RunWriter.write, tmp_path / "run.mcap"
 
     def write(writer, capture, step, **options):
@@ -235,7 +235,7 @@ def test_a_recorder_that_failed_is_reported_by_every_command(quick_uri, tmp_path
         append(writer, capture, step, **options)
 
     monkeypatch.setattr(RunWriter, "write", write)
-    assert call("run", quick_uri, "--fast", "--record", path).exit_code == 2
+    assert call("run", sparse_uri, "--fast", "--record", path).exit_code == 2
     lost = "the recorder failed after step 19 (TypeError: no number); later steps are lost"
     assert f"{path}, {lost}; `haptigraph recover` repairs the file\n" in call("explain", path).output
     assert "none in these steps" in call("explain", path).output
@@ -379,11 +379,11 @@ def test_a_missing_extra_is_named_in_one_sentence(
     assert message.endswith(f"install it with: pip install 'haptigraph[{extra}]'")
 
 
-def test_the_phantom_runs_without_any_extra(quick_uri):
+def test_the_phantom_runs_without_any_extra(sparse_uri):
     extras = ("pyrealsense2", "pydicom", "cyclonedds", "pylsl", "foxglove", "serial", "sdl2", "sounddevice")
     hidden = (*extras, "pyigtl", "z3", "networkx", "av")
     code = f"import sys; sys.modules.update(dict.fromkeys({hidden})); from haptigraph.cli import main; main()"
-    command = [sys.executable, "-c", code, "run", quick_uri, "--fast"]
+    command = [sys.executable, "-c", code, "run", sparse_uri, "--fast"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "source ended" in done.stdout

@@ -40,7 +40,7 @@ def test_evaluate_scores_simulated_scenes(monkeypatch, tmp_path):
     assert scores["seed"] == 3
     assert scores["scenes"] == scores["perceivers"]["threshold"]["all"]["scenes"] == 2
     assert picture.stat().st_size > 10_000
-    assert "Cramer-Rao" in call(*options).output
+    assert "Cramer-Rao" in call("evaluate", "--simulated", 1, "--perceiver", "threshold").output
     both = json.loads(call(*options, "--perceiver", "tracker", "--json").output)["perceivers"]
     assert list(both) == ["threshold", "tracker"] and both["threshold"] == scores["perceivers"]["threshold"]
 

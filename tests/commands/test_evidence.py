@@ -23,13 +23,13 @@ def test_evidence_is_written_and_what_is_missing_is_printed(tmp_path):
     assert "http://" not in html.replace("http://www.w3.org/2000/svg", "") and "https://" not in html
 
 
-def test_the_exit_code_is_0_if_every_claim_holds(tmp_path, quick_uri, monkeypatch):
+def test_the_exit_code_is_0_if_every_claim_holds(tmp_path, sparse_uri, monkeypatch):
     monkeypatch.setattr(run_evidence, "is_realtime", lambda config: True)
     origin = new_origin(load_procedure("subretinal_injection"))
     options = {
         "--faults": write_faults(tmp_path / "faults.jsonl", origin),
         "--evaluation": write_scores(tmp_path / "accuracy.json", origin),
-        "--run": record(quick_uri, tmp_path / "run.mcap"),
+        "--run": record(sparse_uri, tmp_path / "run.mcap"),
         "-o": tmp_path / "out",
     }
     result = call("evidence", *(part for option in options.items() for part in option))

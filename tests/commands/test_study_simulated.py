@@ -35,13 +35,26 @@ def reported(study, output):
     result = call("study", "report", study, "-o", output)
     assert result.exit_code == 0
     assert "SIMULATED: no people took part" in result.output
-    files = [path for path in output.rglob("*") if path.is_file()]
-    return {str(path.relative_to(output)): path.read_bytes() for path in files}
+    return contents(output)
 
 
-def test_every_file_of_a_simulated_report_is_marked_as_simulated(study, tmp_path, monkeypatch):
-    monkeypatch.setattr(drawn, "rendered", lambda figure: rendered(figure, ("svg",)))  # others take seconds
-    files = reported(study, tmp_path / "report")
+def contents(folder):
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+@pytest.fixture(scope="module")
+def report(study, tmp_path_factory) -> Path:
+    """The report of that study."""
+    output = tmp_path_factory.mktemp("cli") / "report"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drawn, "rendered", lambda figure: rendered(figure, ("svg",)))  # others take seconds
+        reported(study, output)
+    return output
+
+
+def test_every_file_of_a_simulated_report_is_marked_as_simulated(study, report):
+    files = contents(report)
     page = files["report.html"].decode()
     assert "<h1>Does touch help to align a needle?</h1>" in page
     assert "their answers are random" in page
@@ -57,18 +70,22 @@ def test_every_file_of_a_simulated_report_is_marked_as_simulated(study, tmp_path
     assert "simulated participants" in call("study", "status", study).output
 
 
-def test_a_report_says_that_the_protocol_was_edited_after_the_first_participant(study, tmp_path, monkeypatch):
+def test_a_report_says_that_the_protocol_was_edited_after_the_first_participant(
+    study, report, tmp_path, monkeypatch
+):
     monkeypatch.setattr("haptigraph.analysis.study.report.draw_figures", lambda *_: [])
     said = "The protocol was edited after the first participant: study.toml was changed."
-    assert said not in reported(study, tmp_path / "before")["report.html"].decode()
+    assert said not in (report / "report.html").read_text()
     edited = shutil.copytree(study, tmp_path / "edited")
     file = edited / "study.toml"
     file.write_text(file.read_text().replace('expect = "smaller"', 'expect = "different"'))
-    for folder, output in ((edited, "report"), (tmp_path / "report" / "tables", "again")):
+    for folder, output in ((edited, "edited_report"), (tmp_path / "edited_report" / "tables", "again")):
         assert said in call("study", "report", folder, "-o", tmp_path / output).stdout
         assert f'<p class="mark">{said}' in (tmp_path / output / "report.html").read_text()
         assert said in (tmp_path / output / "methods.txt").read_text()
-    imported = call("study", "import", tmp_path / "report" / "tables", "--store", tmp_path / "other.db")
+    imported = call(
+        "study", "import", tmp_path / "edited_report" / "tables", "--store", tmp_path / "other.db"
+    )
     assert imported.exit_code == 0
 
 

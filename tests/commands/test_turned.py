@@ -12,6 +12,8 @@ from haptigraph.registration.loading import load_registration
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
+pytestmark = pytest.mark.usefixtures("anatomy_once")
+
 ROTATE = ("--set", "source.rotate_deg=90")
 
 

@@ -68,14 +68,14 @@ def test_a_class_of_ones_own_is_a_module_and_a_name_with_a_capital(name, parts):
         ),
     ],
 )
-def test_a_perceiver_that_cannot_be_used_is_one_sentence(name, problem, quick_uri, tmp_path, monkeypatch):
+def test_a_perceiver_that_cannot_be_used_is_one_sentence(name, problem, sparse_uri, tmp_path, monkeypatch):
     (tmp_path / "broken_lab.py").write_text("import absent_lib")
     (tmp_path / "wrong_lab.py").write_text("class Mine(:")
     monkeypatch.syspath_prepend(tmp_path)
-    message = error_of(f"source.uri={quick_uri}", f"perception.perceiver={name}")
+    message = error_of(f"source.uri={sparse_uri}", f"perception.perceiver={name}")
     assert message.startswith(f"perceiver {name}")
     assert problem in message
-    done = call("run", quick_uri, "--fast", "--set", f"perception.perceiver={name}")
+    done = call("run", sparse_uri, "--fast", "--set", f"perception.perceiver={name}")
     assert (done.exit_code, done.output.count("\n")) == (2, 1)
 
 
@@ -126,10 +126,10 @@ def test_a_replay_without_the_module_is_one_sentence(recording):
         next(replay_steps(RunReader(recording)))
 
 
-def test_a_shipped_perceiver_leaves_nothing_to_record(quick_uri, tmp_path):
+def test_a_shipped_perceiver_leaves_nothing_to_record(sparse_uri, tmp_path):
     path = tmp_path / "run.mcap"
     settings = (
-        f"source.uri={quick_uri}",
+        f"source.uri={sparse_uri}",
         f"recording.path={path}",
         f"haptics.device=trace:{tmp_path / 'Out.csv'}",
     )
@@ -196,12 +196,12 @@ def test_a_device_that_cannot_be_opened_is_one_sentence(name, problem):
     assert problem in str(raised.value)
 
 
-def test_numbers_of_numpy_become_plain_and_are_recorded(quick_uri, tmp_path):
+def test_numbers_of_numpy_become_plain_and_are_recorded(sparse_uri, tmp_path):
     runs = {}
     for name in ("Returning", "NumpyPerceiver"):
         path = tmp_path / f"{name}.mcap"
         settings = (
-            f"source.uri={quick_uri}",
+            f"source.uri={sparse_uri}",
             f"recording.path={path}",
             f"perception.perceiver=own_parts:{name}",
         )
@@ -226,26 +226,26 @@ def test_numbers_of_numpy_become_plain_and_are_recorded(quick_uri, tmp_path):
         ),
     ],
 )
-def test_what_a_perceiver_may_not_return_ends_the_run_in_one_sentence(name, problem, quick_uri):
-    done = call("run", quick_uri, "--fast", "--set", f"perception.perceiver=own_parts:{name}")
+def test_what_a_perceiver_may_not_return_ends_the_run_in_one_sentence(name, problem, sparse_uri):
+    done = call("run", sparse_uri, "--fast", "--set", f"perception.perceiver=own_parts:{name}")
     (line,) = [line for line in done.output.splitlines() if line.startswith("haptigraph: ")]
     assert f"image 0: perceiver own_parts:{name}{problem}" in line
     assert done.exit_code == 2
     assert "Traceback" not in done.output
 
 
-def test_an_entity_with_a_standard_deviation_is_one_that_is_reported(quick_uri):
-    assert error_of(f"source.uri={quick_uri}", "perception.perceiver=own_parts:MisspeltSdPerceiver") == (
+def test_an_entity_with_a_standard_deviation_is_one_that_is_reported(sparse_uri):
+    assert error_of(f"source.uri={sparse_uri}", "perception.perceiver=own_parts:MisspeltSdPerceiver") == (
         "perceiver own_parts:MisspeltSdPerceiver: unknown entity 'needle_tip_sd'; did you mean 'needle_tip'? valid: "
         "needle_line, needle_tip; entities_with_sd is a part of entities"
     )
 
 
-def test_what_a_perceiver_raises_is_named_with_its_line(quick_uri, capfd, monkeypatch):
+def test_what_a_perceiver_raises_is_named_with_its_line(sparse_uri, capfd, monkeypatch):
     line = 1 + OWN.read_text().splitlines().index(
         "        return np.linalg.inv(np.zeros((2, 2)))  # raised in NumPy"
     )
-    done = call("run", quick_uri, "--fast", "--set", "perception.perceiver=own_parts:RaisingPerceiver")
+    done = call("run", sparse_uri, "--fast", "--set", "perception.perceiver=own_parts:RaisingPerceiver")
     assert done.exit_code == 2
     sentence = (
         "own_parts:RaisingPerceiver raised LinAlgError: Singular matrix (own_parts.py, line "

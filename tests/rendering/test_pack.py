@@ -69,11 +69,26 @@ def draw_all(folder):
 
 
 @pytest.fixture(scope="module")
-def clip(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clips") / "drawn"
-    folder.mkdir()
-    draw_all(folder / "raw")
-    pack(LAYOUT, folder / "raw", folder)
+def raw(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("drawn") / "raw"
+    draw_all(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def clip(raw, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clips")
+    pack(LAYOUT, raw, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def coarse_clip(raw, tmp_path_factory):
+    """A clip of less detail, because most of the work is the encoder's."""
+    folder = tmp_path_factory.mktemp("clips")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rendering.pack.QUALITY", "40")
+        pack(LAYOUT, raw, folder)
     return folder
 
 
@@ -116,15 +131,15 @@ def test_the_tip_of_a_plain_blunt_end_is_precise(scores):
     assert scores["tip_error_px"]["median"] < 1
 
 
-def test_the_ground_truth_starts_without_needle(clip):
-    rows = load_truth(clip / "truth.csv")
+def test_the_ground_truth_starts_without_needle(coarse_clip):
+    rows = load_truth(coarse_clip / "truth.csv")
     assert len(rows) == IMAGES + AWAY_IMAGES
     assert not any(row.visible or row.inside for row in rows[:AWAY_IMAGES])
     assert rows[AWAY_IMAGES].state == "outside_eye"
 
 
-def test_the_clip_is_h264_at_30_images_a_second(clip):
-    video = cv2.VideoCapture(str(clip / "clip.mp4"))
+def test_the_clip_is_h264_at_30_images_a_second(coarse_clip):
+    video = cv2.VideoCapture(str(coarse_clip / "clip.mp4"))
     code = int(video.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little")
     assert code in (b"avc1", b"h264")
     assert video.get(cv2.CAP_PROP_FPS) == 30
@@ -132,8 +147,8 @@ def test_the_clip_is_h264_at_30_images_a_second(clip):
     video.release()
 
 
-def test_what_was_not_rendered_comes_from_the_background_image(clip):
-    video = cv2.VideoCapture(str(clip / "clip.mp4"))
+def test_what_was_not_rendered_comes_from_the_background_image(coarse_clip):
+    video = cv2.VideoCapture(str(coarse_clip / "clip.mp4"))
     for _ in range(20):
         _, image = video.read()
     video.release()
@@ -143,8 +158,8 @@ def test_what_was_not_rendered_comes_from_the_background_image(clip):
         assert border.min() > GROUND / 2  # no black from beyond the rendered part
 
 
-def test_the_background_image_has_noise_but_no_needle(clip):
-    background = cv2.imread(str(clip / BACKGROUND)).astype(float)
+def test_the_background_image_has_noise_but_no_needle(coarse_clip):
+    background = cv2.imread(str(coarse_clip / BACKGROUND)).astype(float)
     noise = background - cv2.GaussianBlur(drawn(None), (0, 0), 0.6)
     assert 0.8 < noise.std() < 2
     assert abs(noise.mean()) < 0.05
@@ -156,18 +171,18 @@ def test_the_same_seed_gives_the_same_noise():
     assert not np.array_equal(Sensor(5)(image), Sensor(6)(image))
 
 
-def test_missing_raw_images_are_refused_in_a_sentence(clip, tmp_path):
+def test_missing_raw_images_are_refused_in_a_sentence(raw, tmp_path):
     with pytest.raises(BadInput, match=r"empty\.png: .* run: make render"):
         pack(LAYOUT, tmp_path, tmp_path)
-    raw = tmp_path / "raw"
-    raw.mkdir()
-    (raw / BACKGROUND).write_bytes((clip / "raw" / BACKGROUND).read_bytes())
+    lone = tmp_path / "raw"
+    lone.mkdir()
+    (lone / BACKGROUND).write_bytes((raw / BACKGROUND).read_bytes())
     with pytest.raises(BadInput, match=r"0000\.png: .* run: make render"):
-        pack(LAYOUT, raw, tmp_path)
+        pack(LAYOUT, lone, tmp_path)
     assert not (tmp_path / "clip.mp4").exists()
 
 
-def test_a_file_that_is_no_image_is_refused_in_a_sentence(clip, tmp_path):
+def test_a_file_that_is_no_image_is_refused_in_a_sentence(tmp_path):
     (tmp_path / BACKGROUND).write_text("no image")
     with pytest.raises(BadInput, match=r"empty\.png: is not an image"):
         pack(LAYOUT, tmp_path, tmp_path)

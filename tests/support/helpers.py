@@ -2,12 +2,14 @@
 
 import gc
 import math
+import pickle
 import shutil
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import cv2
 import pytest
@@ -42,12 +44,25 @@ PULSE = Pattern("pulse", "pulses", amplitude=1.0, frequency_hz=160, on_ms=80, of
 SUCCESS = Pattern("success", "bursts", amplitude=0.8, frequency_hz=160, on_ms=100, off_ms=100, count=2)
 
 
-def mostly_slow(params: Iterable, *fast: str) -> list:
+def mostly_slow(params: Iterable, *fast: object) -> list:
     """Return parameters of which `make test` takes those of some names, and `make test-slow` the others."""
     return [
         param if getattr(param, "name", param) in fast else pytest.param(param, marks=pytest.mark.slow)
         for param in params
     ]
+
+
+def remembered(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that computes the same result only once for equal arguments."""
+    found: dict[bytes, Any] = {}
+
+    def result(*arguments: object, **options: object) -> Any:
+        key = pickle.dumps((arguments, options))
+        if key not in found:
+            found[key] = function(*arguments, **options)
+        return found[key]
+
+    return result
 
 
 def needle(entry_mm: Vec, tip_mm: Vec) -> dict[str, Geometry]:

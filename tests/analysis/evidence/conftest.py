@@ -17,8 +17,8 @@ def origin() -> Origin:
 
 
 @pytest.fixture(scope="session")
-def recording(quick_uri: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return record(quick_uri, tmp_path_factory.mktemp("evidence") / "run.mcap")
+def recording(sparse_uri: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(sparse_uri, tmp_path_factory.mktemp("evidence") / "run.mcap")
 
 
 @pytest.fixture

@@ -1,4 +1,5 @@
 from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
@@ -115,9 +116,10 @@ def test_without_truth_and_timing_their_columns_are_empty(table, rows):
 
 
 def test_a_volume_has_three_coordinates(quick_volume, tmp_path):
-    path = tmp_path / "volume.mcap"
+    path, scenario = tmp_path / "volume.mcap", tmp_path / "volume.toml"
+    scenario.write_text(Path(quick_volume).read_text().replace("rate_hz = 4", "rate_hz = 2"))
     settings = (
-        f"source.uri=phantom:{quick_volume}",
+        f"source.uri=phantom:{scenario}",
         "run.procedure=subretinal_injection_4d",
         "run.realtime=false",
         f'recording.path="{path}"',

@@ -10,9 +10,9 @@ from haptigraph.recording.reader import RunReader
 
 
 @pytest.fixture(scope="module")
-def recording(quick_uri, tmp_path_factory):
+def recording(sparse_uri, tmp_path_factory):
     path = tmp_path_factory.mktemp("export") / "r.mcap"
-    settings = (f"source.uri={quick_uri}", "run.realtime=false", f'recording.path="{path}"')
+    settings = (f"source.uri={sparse_uri}", "run.realtime=false", f'recording.path="{path}"')
     assemble.build(load_config(None, settings)).run()
     return path
 

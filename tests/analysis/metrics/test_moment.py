@@ -83,14 +83,14 @@ def recorded(uri: str, procedure: str, path: Path, *more: str) -> list:
     return [step for _, step in RunReader(path).places()]
 
 
-def test_a_held_state_is_explained_together_with_the_state_of_its_graph(quick_uri, tmp_path):
+def test_a_held_state_is_explained_together_with_the_state_of_its_graph(sparse_uri, tmp_path):
     text = assemble.load_procedure("subretinal_injection").text
     held = text.replace(
         'name = "misaligned_intraocular_navigation"\n',
         'name = "misaligned_intraocular_navigation"\nhold_ms = 300\n',
     )
     (tmp_path / "held.toml").write_text(held)
-    steps = recorded(quick_uri, str(tmp_path / "held.toml"), tmp_path / "run.mcap")
+    steps = recorded(sparse_uri, str(tmp_path / "held.toml"), tmp_path / "run.mcap")
     step = next(one for one in steps if one.conclusion.because.startswith("held"))
     explanation = explain_moment(tmp_path / "run.mcap", (step.stamp_ns - steps[0].stamp_ns) / 1e9)
     assert explanation.held is not None and explanation.held.state == "misaligned_intraocular_navigation"
@@ -102,19 +102,19 @@ def test_a_held_state_is_explained_together_with_the_state_of_its_graph(quick_ur
     assert any(line.startswith(f"  by graph   {explanation.state}, rule") for line in rest)
 
 
-def test_a_state_that_waited_is_explained_by_its_own_rule(quick_uri, tmp_path):
+def test_a_state_that_waited_is_explained_by_its_own_rule(sparse_uri, tmp_path):
     text = assemble.load_procedure("subretinal_injection").text
     name = 'name = "misaligned_retinal_approach"\n'
     (tmp_path / "late.toml").write_text(text.replace(name, f"{name}enter_after_ms = 200\n"))
-    steps = recorded(quick_uri, str(tmp_path / "late.toml"), tmp_path / "run.mcap")
+    steps = recorded(sparse_uri, str(tmp_path / "late.toml"), tmp_path / "run.mcap")
     step = next(one for one in steps if one.conclusion.state == "misaligned_retinal_approach")
     explanation = explain_moment(tmp_path / "run.mcap", (step.stamp_ns - steps[0].stamp_ns) / 1e9)
     assert explanation.state == "misaligned_retinal_approach" and explanation.held is None
     assert all(reason.holds for reason in explanation.fired_by)
 
 
-def test_values_that_follow_a_measure_are_those_of_the_moment(quick_uri, tmp_path):
-    steps = recorded(quick_uri, "subretinal_injection_continuous", tmp_path / "run.mcap")
+def test_values_that_follow_a_measure_are_those_of_the_moment(sparse_uri, tmp_path):
+    steps = recorded(sparse_uri, "subretinal_injection_continuous", tmp_path / "run.mcap")
     step = next(one for one in steps if one.conclusion.feel == "lean")
     explanation = explain_moment(tmp_path / "run.mcap", (step.stamp_ns - steps[0].stamp_ns) / 1e9)
     assert explanation.held is None
@@ -141,8 +141,8 @@ def test_a_device_that_had_failed_is_reported_until_it_responds_again(quick_uri,
         assert faults_at(at_s) == [f"  fault      device: unplugged, since {failed_s:.2f} s"]
 
 
-def test_a_margin_is_explained_with_the_recorded_standard_deviation(quick_uri, tmp_path):
-    steps = recorded(quick_uri, "subretinal_injection_cautious", tmp_path / "run.mcap")
+def test_a_margin_is_explained_with_the_recorded_standard_deviation(sparse_uri, tmp_path):
+    steps = recorded(sparse_uri, "subretinal_injection_cautious", tmp_path / "run.mcap")
     both = [
         one for one in steps if {"touching", "approaching"} <= {edge.predicate for edge in one.graph.edges}
     ]

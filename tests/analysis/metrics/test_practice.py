@@ -89,9 +89,9 @@ def test_a_score_that_cannot_be_saved_is_a_fault_and_the_run_goes_on(practise, t
     assert fault.message == "the score was not saved (Is a directory)" and practice.take_faults() == ()
 
 
-def test_a_run_of_the_phantom_is_scored(quick_uri, tmp_path):
+def test_a_run_of_the_phantom_is_scored(sparse_uri, tmp_path):
     path = tmp_path / "scores.csv"
-    run_loop(load_config(None, (f"source.uri={quick_uri}", "run.realtime=false")), practice=str(path))
+    run_loop(load_config(None, (f"source.uri={sparse_uri}", "run.realtime=false")), practice=str(path))
     (row,) = path.read_text().splitlines()[1:]
     _, procedure, score_s, completion_s, theta_deg, contacts = row.split(",")
     assert (procedure, contacts) == ("subretinal_injection", "1")

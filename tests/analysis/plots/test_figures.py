@@ -21,9 +21,9 @@ from haptigraph.recording.reader import RunReader
 GOLDEN = ROOT / "tests" / "replay" / "golden"
 
 
-def test_a_run_is_drawn(quick_uri, tmp_path):
+def test_a_run_is_drawn(sparse_uri, tmp_path):
     path = tmp_path / "r.mcap"
-    settings = (f"source.uri={quick_uri}", "run.realtime=false", f'recording.path="{path}"')
+    settings = (f"source.uri={sparse_uri}", "run.realtime=false", f'recording.path="{path}"')
     assemble.build(load_config(None, (*settings, "trial.participant=P1"))).run()
     run_figure(path, tmp_path / "run.png")
     figure = cv2.imread(str(tmp_path / "run.png"))

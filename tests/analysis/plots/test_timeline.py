@@ -83,8 +83,8 @@ def test_intervals_follow_each_other_and_pulses_are_sampled(series):
     assert series.bounds("distance_to_retina_mm") == [0.7, 5.5]
 
 
-def test_a_recording_without_steps_is_refused(tmp_path, quick_uri):
-    reader = RunReader(record(quick_uri, tmp_path / "run.mcap"))
+def test_a_recording_without_steps_is_refused(tmp_path, sparse_uri):
+    reader = RunReader(record(sparse_uri, tmp_path / "run.mcap"))
     reader.records = lambda images=None: iter(())
     with pytest.raises(BadInput, match="no complete step to draw"):
         read_series(reader)

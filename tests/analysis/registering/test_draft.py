@@ -28,6 +28,8 @@ from haptigraph.registration.text import registration_text
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
+pytestmark = pytest.mark.usefixtures("anatomy_once")
+
 
 def first_image(scenario: str):
     moment = Phantom(load_scenario(scenario)).advance()

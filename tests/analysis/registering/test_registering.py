@@ -20,6 +20,8 @@ from haptigraph.registration.loading import load_registration, parse_registratio
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
+pytestmark = pytest.mark.usefixtures("anatomy_once")
+
 
 def call(*arguments: object):
     result = CliRunner().invoke(main, ["register", *(str(argument) for argument in arguments)])

@@ -1,13 +1,12 @@
 import hashlib
 import json
-import pickle
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import pytest
+from helpers import remembered
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from paths import GOLDEN
@@ -15,20 +14,6 @@ from study_tables import simulated_study, write_study
 
 from haptigraph.analysis.study import results
 from haptigraph.analysis.study.figures.style import ONE_COLUMN_MM, TWO_COLUMNS_MM
-
-
-def remembered(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that computes the same result only once for equal arguments."""
-    found: dict[bytes, Any] = {}
-
-    def result(*arguments: object, **options: object) -> Any:
-        key = pickle.dumps((arguments, options))
-        if key not in found:
-            found[key] = function(*arguments, **options)
-        return found[key]
-
-    return result
-
 
 STATISTICS = {name: remembered(getattr(results, name)) for name in ("order_effects", "compare")}
 

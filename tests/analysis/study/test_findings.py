@@ -45,7 +45,8 @@ def test_the_report_begins_with_what_makes_its_results_doubtful(tmp_path, is_con
         assert "condition cannot be separated from target" in str(results.unmodelled)
 
 
-def test_the_page_and_the_methods_of_a_tiny_study_promise_nothing(tmp_path):
+def test_the_page_and_the_methods_of_a_tiny_study_promise_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr("haptigraph.analysis.study.report.draw_figures", lambda *_: [])  # which take seconds
     read_study(tmp_path / "study", 2, QUALITY, images_per_s=9.0)
     written = write_report(tmp_path / "study", tmp_path / "report")
     head = written.page.read_text().partition("<table>")[0]

@@ -89,7 +89,7 @@ def of_participant(traces: Traces, name: str, condition: str) -> list[Trace]:
 
 
 def test_a_participant_of_any_name_gets_a_file_in_the_folder(tmp_path):
-    tables = simulated_study(4, trials=1)
+    tables = simulated_study(2, trials=1)
     for table in tables.values():
         table["participant"] = table["participant"].replace("S02", "../<b>S02")
     pages = pages_of(write_study(tmp_path, tables))
