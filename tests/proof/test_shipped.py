@@ -10,9 +10,7 @@ from haptigraph.proof.prove import prove
 from haptigraph.proof.rules import rule_cubes
 from haptigraph.proof.space import Space
 
-SHIPPED = mostly_slow(
-    [load_procedure(name) for name in procedure_names()], "subretinal_injection_ioct", "vein_cannulation"
-)
+SHIPPED = mostly_slow([load_procedure(name) for name in procedure_names()], "vein_cannulation")
 
 
 @pytest.fixture(params=SHIPPED, ids=lambda one: one.name)

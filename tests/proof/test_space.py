@@ -68,7 +68,7 @@ def test_cells_have_exactly_the_sets_of_relations_that_can_hold_after_any_sequen
     assert scale.cells[0].interval.has_low  # a distance of 0 is possible
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(relations(margins=st.sampled_from([0.0, 2.0])))
 def test_with_margins_cells_have_exactly_the_sets_that_some_standard_deviation_gives(schema_relations):
     """On a grid of 1/16 mm, with standard deviations on a grid of 1/64 mm."""

@@ -55,7 +55,7 @@ def test_truncation_at_any_byte_keeps_all_records_before_it(journal_file, tmp_pa
     data = journal_file.read_bytes()
     total = messages(journal_file)
     before = -1
-    for size in range(8, len(data), max(1, len(data) // 97)):
+    for size in range(8, len(data), max(1, len(data) // 59)):
         cut = tmp_path / "cut.mcap"
         cut.write_bytes(data[:size])
         found = messages(cut)

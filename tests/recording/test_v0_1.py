@@ -3,6 +3,7 @@
 import csv
 
 import pytest
+from helpers import mostly_slow
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.writer import Writer
 from paths import DATA
@@ -115,7 +116,7 @@ def test_an_interrupted_journal_is_completed_and_its_lack_of_checksums_reported(
     assert recover(journal).saved is None
 
 
-@pytest.mark.parametrize("bit", [1, 2, 4, 8, 16, 32, 64, 128])
+@pytest.mark.parametrize("bit", mostly_slow([1, 2, 4, 8, 16, 32, 64, 128], 1, 128))
 def test_a_changed_length_in_a_journal_without_checksums_costs_one_step(journal, bit):
     data = bytearray(journal.read_bytes())
     start = [end for end, record in complete_records(journal) if isinstance(record, Message)][99]

@@ -7,6 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from helpers import mostly_slow
 from protocols import SMALL
 from sqlalchemy import select
 from walking import do_next, go_to
@@ -27,6 +28,9 @@ from haptigraph.study.tables import METADATA
 TEXTS = ("handedness unusual", "hesitated wonderfully", "fell asleep twice")
 DELETED = "plays bassoon nightly"
 on_sqlite = pytest.mark.parametrize("where", ["sqlite"], indirect=True)
+mostly_on_sqlite = pytest.mark.parametrize(
+    "where", mostly_slow(["sqlite", "postgresql"], "sqlite"), indirect=True
+)
 FREE = '[questionnaire]\nname = "free"\ntitle = "Free"\n[[item]]\nkey = "words"\ntext = "?"\nkind = "text"\n'
 
 
@@ -98,6 +102,7 @@ def test_erasing_keeps_pseudonym_and_slot_and_all_data_of_others(study, folder):
     assert sorted(os.listdir(folder / "recordings")) == ["P01"]
 
 
+@mostly_on_sqlite
 def test_the_slot_is_reused_and_the_pseudonym_is_not(study):
     slots = {row["participant"]: (row["slot"], row["conditions"]) for row in study.participants()}
     erase(study, "P02")
@@ -113,6 +118,7 @@ def test_the_slot_is_reused_and_the_pseudonym_is_not(study):
     assert statuses["P04"] == (False, "")
 
 
+@mostly_on_sqlite
 def test_participants_who_withdrew_or_never_began_are_erased_too(study):
     study.withdraw("P02")
     left = next(row for row in study.participants() if row["participant"] == "P02")
@@ -144,6 +150,7 @@ def test_participants_at_a_station_being_recorded_or_unknown_are_not_erased(stud
     assert find_data(study, "P02").files
 
 
+@mostly_on_sqlite
 def test_the_data_found_are_all_files_recordings_elsewhere_and_aggregates(study, folder):
     session = open_session(study, "P02", "lab 7")
     session.begin_trial(session.next().stage.key)
@@ -258,6 +265,7 @@ def test_an_erasure_killed_between_rows_and_files_is_completed_by_a_second_one(s
         assert not any(text.encode() in bytes_of(Path(where)) for text in TEXTS)
 
 
+@mostly_on_sqlite
 def test_recordings_on_another_disk_are_erased_with_the_link_to_them(study, folder, tmp_path_factory):
     disk = tmp_path_factory.mktemp("disk") / "P02"
     (folder / "recordings" / "P02").rename(disk)
@@ -267,6 +275,7 @@ def test_recordings_on_another_disk_are_erased_with_the_link_to_them(study, fold
     assert not disk.exists() and sorted(os.listdir(folder / "recordings")) == ["P01"]
 
 
+@mostly_on_sqlite
 def test_an_export_lists_erased_participants_and_is_imported_without_loss(study, folder, clock):
     erase(study, "P02")
     export_study(study.store, "small", folder / "out")

@@ -27,9 +27,7 @@ def test_there_are_ten_sabotages():
     assert len({expected for _, expected in SABOTAGES.values()}) == 10
 
 
-@pytest.mark.parametrize(
-    "name", mostly_slow(SABOTAGES, "target off", "moved since registration", "wrong mirror flag")
-)
+@pytest.mark.parametrize("name", mostly_slow(SABOTAGES, "target off", "moved since registration"))
 def test_each_sabotage_is_found_by_its_own_finding(sound, name):
     sabotage, expected = SABOTAGES[name]
     judgement = judged(sabotage(sound, MEDIUM, np.random.default_rng(SEED)))

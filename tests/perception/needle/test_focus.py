@@ -4,6 +4,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
+from helpers import mostly_slow
 from msgspec.structs import replace
 
 from haptigraph.perception.needle.focus import EVERY, Focus
@@ -14,7 +15,7 @@ from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
 
-@pytest.fixture(scope="module", params=["light", "dark"])
+@pytest.fixture(scope="module", params=mostly_slow(["light", "dark"], "dark"))
 def show(request):
     """A function that returns the registration, and an image with so much blur of the lens, in px."""
 

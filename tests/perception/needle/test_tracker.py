@@ -201,7 +201,7 @@ def test_the_angle_has_little_noise_with_a_short_shaft_inside(bench):
 
 def test_whatever_an_image_shows_the_tracker_neither_fails_nor_reports_nonsense(bench):
     rng = np.random.default_rng(0)
-    for number in range(60):
+    for number in range(40):
         image = bench.image(float(rng.uniform(-5, 22)), float(rng.uniform(-20, 20)), number)
         nuisance = [
             rng.integers(0, 256, image.shape, np.uint8),

@@ -38,7 +38,10 @@ stage.render(folder / "seen.png")
 """
 
 
-@pytest.mark.parametrize(("number", "off_design_px"), [(0, (0.0, 1.5)), (1, (5.0, 60.0))])
+@pytest.mark.parametrize(
+    ("number", "off_design_px"),
+    [pytest.param(0, (0.0, 1.5), marks=pytest.mark.slow), (1, (5.0, 60.0))],
+)
 def test_ray_traced_pictures_register_within_1_5_px_of_the_rig_as_built(number, off_design_px):
     sys.path.insert(0, str(ROOT / "benchmarks"))
     try:
