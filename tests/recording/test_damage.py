@@ -83,9 +83,9 @@ def campaign(small, kind, tmp_path, count, seed):
 
 
 def test_no_random_damage_goes_unnoticed(small, kind, tmp_path):
-    outcomes = campaign(small, kind, tmp_path, 24, 1)
-    assert outcomes["refused"] < 3
-    assert outcomes["saved"] > 12
+    outcomes = campaign(small, kind, tmp_path, 40, 1)
+    assert outcomes["refused"] < 4
+    assert outcomes["saved"] > 20
 
 
 @pytest.mark.slow

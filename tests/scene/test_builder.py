@@ -62,7 +62,7 @@ def axis_length(eye: dict[str, Geometry]) -> float:
     return norm(subtract(eye["retina_target"].at_mm, eye["trocar"].at_mm))
 
 
-@given(eyes(), st.floats(0.05, 2.0), st.lists(st.floats(-0.999, 0.999), min_size=1, max_size=8))
+@given(eyes(), st.floats(0.01, 2.0), st.lists(st.floats(-0.999, 0.999), min_size=1, max_size=8))
 def test_an_approach_near_the_axis_ends_in_target_hit_without_retinal_contact(eye, step_mm, offsets):
     """A tip that stays within asin(0.7 / L) of the axis and advances to the target hits it cleanly."""
     build, reason = SchemaSceneBuilder(PROCEDURE.schema), RuleEngine(PROCEDURE)
@@ -80,7 +80,7 @@ def test_an_approach_near_the_axis_ends_in_target_hit_without_retinal_contact(ey
 
 @given(
     eyes(),
-    st.floats(0.05, 2.0),
+    st.floats(0.01, 2.0),
     st.lists(st.tuples(st.floats(-0.999, 0.999), st.floats(0.0, 0.3)), min_size=1, max_size=8),
 )
 def test_the_cautious_variant_raises_no_alarm_on_an_approach_that_is_certainly_near_the_axis(
@@ -159,7 +159,7 @@ def test_margins_leave_a_needle_without_a_visible_tip_silent(registration, found
     assert (conclusion.state, conclusion.feel) == ("tip_not_visible" if found else "unknown", "off")
 
 
-@given(eyes(), st.integers(0, 59), st.floats(0.1, 0.6))
+@given(eyes(), st.integers(0, 59), st.floats(0.05, 0.6))
 def test_a_tip_pushed_through_the_retina_never_stops_touching_it(eye, index, step_mm):
     build = SchemaSceneBuilder(PROCEDURE.schema)
     start, end = eye["retina_surface"].points_mm[index : index + 2]

@@ -6,7 +6,6 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
-from helpers import mostly_slow
 from sqlalchemy import select
 from walking import do_next, fill, go_to
 
@@ -329,7 +328,6 @@ for _ in range(2):
 """
 
 
-@pytest.mark.parametrize("where", mostly_slow(["sqlite", "postgresql"], "postgresql"), indirect=True)
 def test_two_stations_at_one_store_do_not_interfere(folder, protocol, where):
     """Both create the tables, freeze the protocol and enrol participants at the same time."""
     here = str(__file__).rpartition("/")[0]
