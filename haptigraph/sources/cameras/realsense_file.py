@@ -20,6 +20,7 @@ Item: TypeAlias = tuple[Image, CameraStamp] | Exception | None
 
 QUEUE_SIZE = 4
 POLL_S = 0.1
+BEGIN_S = 2.0  # within which the SDK delivers a first image
 
 
 class RealsenseFile(Source):
@@ -43,7 +44,7 @@ class RealsenseFile(Source):
             raise BadInput("no such file", path)
         rs = sdk()
         self._ready: queue.Queue[Item] = queue.Queue(QUEUE_SIZE)
-        self._closed, self._ended = threading.Event(), False
+        self._closed, self._began, self._ended = threading.Event(), threading.Event(), False
         self._index, self._first_ns = -1, 0
         try:
             self._context = rs.context()  # must outlive the device
@@ -80,6 +81,7 @@ class RealsenseFile(Source):
         if self._closed.is_set():
             return
         self._closed.set()
+        self._began.wait(BEGIN_S)  # stopped earlier, the SDK's thread may spin for ever
         self._sensor.stop()
         self._sensor.close()
 
@@ -97,6 +99,7 @@ class RealsenseFile(Source):
 
     def _put(self, item: Item) -> None:
         """Block the SDK while the queue is full."""
+        self._began.set()
         while not self._closed.is_set():
             try:
                 return self._ready.put(item, timeout=POLL_S)

@@ -77,6 +77,15 @@ def test_a_file_can_be_closed_at_any_image(recorded, read):
     source.close()
 
 
+def test_a_file_is_not_stopped_before_its_first_image(recorded, monkeypatch):
+    delivered, on_frame = [], RealsenseFile._on_frame
+    monkeypatch.setattr(
+        RealsenseFile, "_on_frame", lambda self, frame: delivered.append(frame) or on_frame(self, frame)
+    )
+    RealsenseFile(recorded).close()
+    assert delivered
+
+
 def test_rgb_is_converted_to_bgr(tmp_path):
     record(tmp_path / "rgb.db3", IMAGES[:2], STAMPS_MS[:2], fmt=rs.format.rgb8)
     first, _ = drain(RealsenseFile(tmp_path / "rgb.db3"), 10.0)
