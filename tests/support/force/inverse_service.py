@@ -148,7 +148,7 @@ class Service:
 @contextmanager
 def serving(service):
     """Serve on a free port of this machine; close all connections at the end."""
-    with serve(service.talk, "127.0.0.1", 0, compression=None) as server:
+    with serve(service.talk, "127.0.0.1", 0, compression=None, close_timeout=0.5) as server:
         host, port = server.socket.getsockname()[:2]
         service.address = f"{host}:{port}"
         thread = threading.Thread(target=server.serve_forever, daemon=True)
