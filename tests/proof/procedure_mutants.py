@@ -24,7 +24,8 @@ from haptigraph.proof.rules import rule_cubes
 from haptigraph.proof.space import Space
 
 NUMBER = re.compile(r"^(amplitude|frequency_hz|on_ms|off_ms|count|rearm_ms)( = )([\d.]+)", re.MULTILINE)
-FACTORS = {"x 1000": 1000.0, "/ 1000": 0.001, "x 57.3": 57.29578}
+SLIPS = {"x 1000": (1000.0, ""), "/ 1000": (0.001, ""), "x 57.3": (57.29578, '_deg"')}
+"""Factors, and what is in a relation that they are a slip of: degrees for radians is one of angles."""
 
 SAME = "no possible graph has another state"
 PLAUSIBLE = "another threshold that an eye allows: only the author knows which is right"
@@ -49,11 +50,11 @@ def mutants(name: str) -> Iterator[Mutant]:
     yield from _orders(text)
 
 
-def _numbers(text: str, heading: str, number: re.Pattern[str]) -> list[re.Match[str]]:
-    """Return the numbers in all tables of a heading, by their place in the text."""
+def _numbers(text: str, heading: str, number: re.Pattern[str], having: str = "") -> list[re.Match[str]]:
+    """Return the numbers in all tables of a heading that have some text, by their place."""
     found, start = [], 0
     for part in blocks(text):
-        if part.startswith(heading):
+        if part.startswith(heading) and having in part:
             found += [one for one in number.finditer(text, start, start + len(part))]
         start += len(part)
     return found
@@ -69,8 +70,8 @@ def _place(text: str, found: re.Match[str]) -> str:
 
 
 def _thresholds(text: str) -> Iterator[Mutant]:
-    for sort, factor in FACTORS.items():
-        for found in _numbers(text, "[[relation]]", BOUND):
+    for sort, (factor, having) in SLIPS.items():
+        for found in _numbers(text, "[[relation]]", BOUND, having):
             if float(found[3]):
                 value = float(found[3]) * factor
                 yield Mutant(f"threshold {sort}", _place(text, found), _with(text, found, value))
