@@ -127,9 +127,9 @@ def quick_uri(quick: str) -> str:
 @pytest.fixture(scope="session")
 def sparse_uri(quick: str, tmp_path_factory: pytest.TempPathFactory) -> str:
     """The same motion in a third of the images, for tests that need a run, but not each of its steps."""
-    path = tmp_path_factory.mktemp("sparse") / "sparse.toml"
-    path.write_text(Path(quick).read_text().replace("rate_hz = 15", "rate_hz = 5"))
-    return f"phantom:{path}"
+    from helpers import scenario_at
+
+    return f"phantom:{scenario_at(5, quick, tmp_path_factory.mktemp('sparse'))}"
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
+from helpers import scenario_at
 from live_bench import LIVE, PAD, PHONE, Live, until
 from real_run import LatencyProbe
 
@@ -109,9 +110,7 @@ def recordings(quick_uri, procedure, tmp_path_factory) -> Path:
 @pytest.fixture(scope="session")
 def calm_uri(quick, tmp_path_factory) -> str:
     """A scenario of one image a second, for servers of whose loop nothing is asked."""
-    path = tmp_path_factory.mktemp("calm") / "calm.toml"
-    path.write_text(Path(quick).read_text().replace("rate_hz = 15", "rate_hz = 1"))
-    return f"phantom:{path}"
+    return f"phantom:{scenario_at(1, quick, tmp_path_factory.mktemp('calm'))}"
 
 
 @pytest.fixture(scope="module")

@@ -92,7 +92,6 @@ def test_a_registration_is_corrected_saved_and_overwritten(archive, quick, tmp_p
     context.close()
 
 
-@pytest.mark.slow  # other pages stay; study/test_pages.py completes a study
 def test_a_participant_is_taken_through_a_trial(steered, open_page, tmp_path):
     short = re.sub(r"\[training\][^\[]*|\[\[questionnaire\]\][^\[]*", "", PROTOCOL)
     (tmp_path / "study.toml").write_text(short)

@@ -1,8 +1,10 @@
 """Helpers for tests: messages, observations, images, the command line, interrupts, and copies of the sources."""
 
 import gc
+import hashlib
 import math
 import pickle
+import re
 import shutil
 import sys
 from collections.abc import Callable, Iterable
@@ -57,12 +59,19 @@ def remembered(function: Callable[..., Any]) -> Callable[..., Any]:
     found: dict[bytes, Any] = {}
 
     def result(*arguments: object, **options: object) -> Any:
-        key = pickle.dumps((arguments, options))
+        key = hashlib.sha256(pickle.dumps((arguments, options))).digest()  # images are large
         if key not in found:
             found[key] = function(*arguments, **options)
         return found[key]
 
     return result
+
+
+def scenario_at(rate_hz: int, scenario: str, folder: Path) -> Path:
+    """Write a scenario with another number of images a second into a folder."""
+    path = folder / "scenario.toml"
+    path.write_text(re.sub(r"(?m)^rate_hz = \d+$", f"rate_hz = {rate_hz}", Path(scenario).read_text()))
+    return path
 
 
 def needle(entry_mm: Vec, tip_mm: Vec) -> dict[str, Geometry]:

@@ -1,7 +1,7 @@
 from datetime import UTC, datetime
-from pathlib import Path
 
 import pytest
+from helpers import scenario_at
 from msgspec.structs import replace
 
 from haptigraph import assemble
@@ -116,10 +116,9 @@ def test_without_truth_and_timing_their_columns_are_empty(table, rows):
 
 
 def test_a_volume_has_three_coordinates(quick_volume, tmp_path):
-    path, scenario = tmp_path / "volume.mcap", tmp_path / "volume.toml"
-    scenario.write_text(Path(quick_volume).read_text().replace("rate_hz = 4", "rate_hz = 2"))
+    path = tmp_path / "volume.mcap"
     settings = (
-        f"source.uri=phantom:{scenario}",
+        f"source.uri=phantom:{scenario_at(2, quick_volume, tmp_path)}",
         "run.procedure=subretinal_injection_4d",
         "run.realtime=false",
         f'recording.path="{path}"',

@@ -97,8 +97,8 @@ def test_equal_runs_give_equal_bytes_and_fonts_are_embedded(run, tmp_path, drawn
 
 
 def test_svg_and_png_are_written_too(run, tmp_path):
-    paper_figure(run, "timeline", tmp_path / "timeline.svg")
-    assert ElementTree.parse(tmp_path / "timeline.svg").getroot().tag.endswith("svg")
+    paper_figure(run, "pipeline", tmp_path / "pipeline.svg")
+    assert ElementTree.parse(tmp_path / "pipeline.svg").getroot().tag.endswith("svg")
     paper_figure(run, "timeline", tmp_path / "timeline.png")
     assert cv2.imread(str(tmp_path / "timeline.png")).shape[1] > 2000
 

@@ -131,10 +131,8 @@ def test_a_robot_on_the_network_touches_the_points(touching, tmp_path):
 
 @pytest.mark.parametrize(
     ("disturb", "reason"),
-    [
-        pytest.param(Touching.fall_silent, "reported no pose", id="not heard"),
-        pytest.param(Touching.shake, "the robot moved by", id="moved", marks=pytest.mark.slow),
-    ],
+    [(Touching.fall_silent, "reported no pose"), (Touching.shake, "the robot moved by")],
+    ids=["not heard", "moved"],
 )
 def test_asks_again_for_a_point_that_was_not_taken(touching, disturb, reason):
     """Points that were touched before are kept."""

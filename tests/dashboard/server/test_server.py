@@ -7,7 +7,7 @@ import socket
 import string
 
 import pytest
-from helpers import call, refuse
+from helpers import call, refuse, scenario_at
 from live_bench import Live
 from visiting import address, get, next_image, next_text, watching
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -151,10 +151,7 @@ def test_without_acknowledgement_two_images_are_sent(live):
 
 
 def test_a_late_viewer_learns_who_has_the_controls(quick, tmp_path):
-    with open(quick) as file:
-        scenario = file.read().replace("rate_hz = 15", "rate_hz = 30")
-    (tmp_path / "fast.toml").write_text(scenario)
-    with Live(f"teleop:{tmp_path / 'fast.toml'}") as live, watching(live) as first:
+    with Live(f"teleop:{scenario_at(30, quick, tmp_path)}") as live, watching(live) as first:
         first.send('{"type": "take_controls"}')
         name = next_text(first, "welcome")["name"]
         while next_text(first, "controls")["holder"] != name:

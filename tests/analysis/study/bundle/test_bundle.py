@@ -120,9 +120,9 @@ def test_the_script_reproduces_the_report_byte_for_byte_anywhere(bundle, tmp_pat
     command = [sys.executable, "reproduce.py", "new"]
     done = subprocess.run(command, cwd=moved, capture_output=True, text=True)
     count = sum(path.is_file() for path in (bundle / "report").rglob("*"))
-    figures = [path.name for path in (bundle / "report" / "figures").iterdir()]
-    for name in {name.partition(".")[0] for name in figures if name.endswith(".svg")}:
-        assert {f"{name}.png", f"{name}.svg", f"{name}.pdf"} <= set(figures)
+    figures = {path.name for path in (bundle / "report" / "figures").iterdir()}
+    names = {name.removesuffix(".svg") for name in figures if name.endswith(".svg")}
+    assert names and {f"{name}.{ending}" for name in names for ending in ("png", "svg", "pdf")} <= figures
     assert done.stdout == f"{count} files: {count} identical\nthe results are reproduced\n", done.stderr
     assert done.returncode == 0
     lines = (bundle / "SHA256SUMS").read_text().splitlines()
