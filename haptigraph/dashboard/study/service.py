@@ -60,7 +60,7 @@ class StudyService:
         self.version = 0
         """Increases with every change, so that pages can discard answers that arrive late."""
         self.on_change: Callable[[], None] = lambda: None
-        self.touch = TouchOutput(HapticsConfig(), (), lambda *_: None)
+        self.touch = TouchOutput(HapticsConfig(), (), lambda *_: None, lambda stamp_ns: None)
         """What participants feel here; without pages nothing."""
         self._path = path
         self._lock = threading.RLock()  # held during store access, which may take long

@@ -42,7 +42,9 @@ class StudySite:
         self._service, self._base, self._listener = service, base, listener
         self._host, self._token = host, token
         self._controls = Controls(self.hub, None)
-        service.touch = TouchOutput(base.haptics, self.hub.viewers, self.hub.record_level)
+        service.touch = TouchOutput(
+            base.haptics, self.hub.viewers, self.hub.record_level, self.hub.keep_alive
+        )
         self._health: Health | None = None
 
     def addresses(self, path: str = "/") -> list[str]:

@@ -38,7 +38,7 @@ def play_stimulus(
     config: HapticsConfig,
     clock: Clock,
     listener: Listener,
-    sent: Callable[[int], None] = lambda stamp_ns: None,
+    sent: Callable[[int], None],
 ) -> None:
     """Play a stimulus, and return when it is over; the device is silent and closed on every exit.
 
@@ -47,7 +47,7 @@ def play_stimulus(
         config: Device and limits, as of a trial.
         clock: Paces it.
         listener: Receives every level, for the pages.
-        sent: Called with the time of every command.
+        sent: Called with the time of every command, which keeps the level on the pages alive.
 
     Raises:
         BadInput: If the device does not open, its profile cannot be used, or it lacks levels that are needed.

@@ -5,7 +5,7 @@ conditions are hidden from somebody, so does every trial of a study with haptic 
 would reveal it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from msgspec.structs import replace
 from sqlalchemy import select
@@ -26,7 +26,7 @@ from haptigraph.study.tables import EVENTS
 __all__ = ["TouchOutput"]
 
 PULSE = Stimulus("test pulse", Pattern("test pulse", "bursts", 1.0, 160.0, 120.0, 120.0, 3))
-"""Bursts that a page keeps alive for their whole length, and long enough for the motor of a controller."""
+"""Bursts that are long enough for the motor of a controller."""
 NO_OUTPUT = (
     "there is no haptic output; connect a game controller and press one of its buttons, or switch on screen "
     "or sound under Set up on the participant's page"
@@ -44,10 +44,17 @@ class TouchOutput:
         config: Device and limits.
         viewers: All pages; those of participants name their outputs.
         listener: Receives every level of the test pulse, for the pages.
+        sent: Called with the time of every command, which keeps the level on the pages alive.
     """
 
-    def __init__(self, config: HapticsConfig, viewers: Sequence[Viewer], listener: Listener) -> None:
-        self._config, self._viewers, self._listener = config, viewers, listener
+    def __init__(
+        self,
+        config: HapticsConfig,
+        viewers: Sequence[Viewer],
+        listener: Listener,
+        sent: Callable[[int], None],
+    ) -> None:
+        self._config, self._viewers, self._listener, self._sent = config, viewers, listener, sent
         self._pulsed: tuple[str, int, str] | None = None
         """Participant, session and outputs of a test pulse that is not answered yet."""
 
@@ -89,7 +96,7 @@ class TouchOutput:
         """
         name, device = self.checked_name(), self._config.device
         config = replace(self._config, device=device if is_felt(device) else "console")
-        play_stimulus(PULSE, config, MonotonicClock(), self._listener)
+        play_stimulus(PULSE, config, MonotonicClock(), self._listener, self._sent)
         self._pulsed = session.participant, session.number, name
 
     def answer(self, session: Session, *, is_felt: bool) -> None:

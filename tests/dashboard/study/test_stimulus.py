@@ -106,5 +106,8 @@ def test_a_device_that_fails_or_may_still_vibrate_is_reported(play, monkeypatch)
     monkeypatch.undo()
     monkeypatch.setitem(assemble.DEVICES, "stuck", stuck_device.PATH)
     clock = VirtualClock()
+    hub = Hub(clock)
     with pytest.raises(NotSilent, match="may still vibrate"):
-        play_stimulus(Stimulus("test", LOW), HapticsConfig(device="stuck"), clock, Hub(clock).record_level)
+        play_stimulus(
+            Stimulus("test", LOW), HapticsConfig(device="stuck"), clock, hub.record_level, hub.keep_alive
+        )

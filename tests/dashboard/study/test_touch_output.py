@@ -49,11 +49,14 @@ def session(tmp_path):
 
 
 def touch_of(*outputs, device="console", **limits):
-    viewers, levels = [Viewer(f"page {n}") for n, _ in enumerate(outputs)], []
+    viewers, levels, alive_ns = [Viewer(f"page {n}") for n, _ in enumerate(outputs)], [], []
     for viewer, output in zip(viewers, outputs, strict=True):
         viewer.outputs = output
     config = HapticsConfig(device=device, **limits)
-    return TouchOutput(config, viewers, lambda stamp_ns, amplitude, hz: levels.append(amplitude)), levels
+    touch = TouchOutput(
+        config, viewers, lambda stamp_ns, amplitude, hz: levels.append((stamp_ns, amplitude)), alive_ns.append
+    )
+    return touch, levels, alive_ns
 
 
 @pytest.mark.parametrize(
@@ -88,7 +91,7 @@ def trials_of(session, blind):
 def test_a_trial_without_touch_needs_no_output_unless_that_would_reveal_its_condition(
     session, blind, without
 ):
-    touch, _ = touch_of()
+    touch, *_ = touch_of()
     felt, seen = trials_of(session, blind)
     assert "there is no haptic output" in touch.problem(session, felt)
     assert ("there is no haptic output" in touch.problem(session, seen)) is without
@@ -98,13 +101,16 @@ def test_a_trial_without_touch_needs_no_output_unless_that_would_reveal_its_cond
 def test_the_pulse_is_within_the_limits_and_its_answer_lasts_for_the_session_and_the_outputs(
     session, actuator
 ):
-    touch, levels = touch_of(("screen",), device="audio", max_amplitude=0.3)
+    touch, levels, alive_ns = touch_of(("screen",), device="audio", max_amplitude=0.3)
     trial = trials_of(session, "nobody")[0]
     with pytest.raises(BadInput, match="press Test pulse first"):
         touch.answer(session, is_felt=True)
     assert levels == []  # nothing vibrates by itself
     touch.play(session)
-    assert max(levels) == 0.3 and levels[-1] == 0.0
+    played = [amplitude for _, amplitude in levels]
+    assert max(played) == 0.3 and played[-1] == 0.0
+    for start_ns, amplitude in levels:  # a page plays nothing that was not kept alive just before
+        assert not amplitude or any(0 <= start_ns - each_ns <= 100e6 for each_ns in alive_ns)
     assert "is not confirmed" in touch.problem(session, trial)
     touch.answer(session, is_felt=True)
     assert touch.problem(session, trial) == ""
@@ -119,7 +125,7 @@ def test_the_pulse_is_within_the_limits_and_its_answer_lasts_for_the_session_and
 
 
 def test_a_device_that_is_not_there_or_fails_is_named_and_confirms_nothing(session, actuator):
-    touch, _ = touch_of(device="audio")
+    touch, *_ = touch_of(device="audio")
     actuator.is_lost = True
     with pytest.raises(DeviceError, match="audio: no longer answers"):
         touch.play(session)

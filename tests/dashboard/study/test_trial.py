@@ -74,7 +74,7 @@ def service(tmp_path):
     (tmp_path / "study.toml").write_text(f"{PROTOCOL}\n[quality]\nmin_images_per_s = 20\n")
     with closing(Store(tmp_path / "study.db")) as store:
         service = StudyService(tmp_path, study_at(tmp_path, store), "lab 1")
-        service.touch = TouchOutput(HapticsConfig(), [screen()], lambda *_: None)
+        service.touch = TouchOutput(HapticsConfig(), [screen()], lambda *_: None, lambda stamp_ns: None)
         service.open(service.enrol(None), take_over=False)
         yield service
 

@@ -21,7 +21,6 @@ const feed = new Feed(haptics, {
   image(header, picture) { trial.show(header, picture); },
   controls({ holder }) { trial.setHolder(holder); },
   welcome({ name }) { trial.me = name; },
-  haptics() { trial.touch.keepAlive(); },
   study() { sync.refresh(); },
   opened() { trial.touch.reset(); sync.reset(); sync.refresh(); },
   lost() { trial.setHolder(""); complain(LOST); },

@@ -7,7 +7,7 @@ const SHORTEST_MS = 1;
 
 export class TouchCheck {
   named = "[]";
-  /** The test pulse: playing, waiting for its answer, or not felt. @type {"" | "playing" | "played" | "unfelt"} */ pulse = "";
+  /** The test pulse: waiting for its answer, or not felt. @type {"" | "played" | "unfelt"} */ pulse = "";
   /** @type {TouchStatus} */ status = { output: "", problem: "" };
 
   /** @param {import("../common/feed.js").Feed} feed
@@ -17,7 +17,7 @@ export class TouchCheck {
     this.feed = feed; this.outputs = outputs;
     outputs.rumble.onPlayed = (start_ms, end_ms) => this.report(start_ms, end_ms);
     $("pulse").addEventListener("click", async () => {
-      this.pulse = "playing";
+      this.pulse = "";
       this.pulse = await act("pulse") ? "played" : "";
       this.update();
       $("touch-check").focus();  // not the answer, which a second key press would give
@@ -41,9 +41,6 @@ export class TouchCheck {
 
   /** Forget what the server knows: it is another, or the connection is new. */
   reset() { this.named = "[]"; }
-
-  /** A level has arrived; between trials no image keeps it alive. */
-  keepAlive() { if (this.pulse === "playing") this.feed.haptics.keepAlive(performance.now()); }
 
   /** Report that the controller has vibrated. @param {number} start_ms on this page's clock @param {number} end_ms */
   report(start_ms, end_ms) {
