@@ -1,3 +1,4 @@
+import gc
 import hashlib
 import json
 import shutil
@@ -28,6 +29,13 @@ def statistics_once() -> Iterator[None]:
         for name, function in STATISTICS.items():
             patch.setattr(results, name, function)
         yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def earlier_objects_stay() -> None:
+    """Keep the objects of earlier tests out of the garbage collection at each correction of p-values."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
