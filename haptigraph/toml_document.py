@@ -9,6 +9,7 @@ import tomllib
 import warnings
 from collections.abc import Callable
 from contextvars import ContextVar
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -120,15 +121,24 @@ def _check_names(value: Any, type_: Any, path: str, error: Blame) -> None:
         struct = next((t for t in (type_, *get_args(type_)) if hasattr(t, "__struct_fields__")), None)
         if struct is None:
             return
-        names = dict(zip(struct.__struct_encode_fields__, struct.__struct_fields__, strict=True))
-        hints = get_type_hints(struct, include_extras=False)
+        types = _types_of(struct)
         for key, item in list(value.items()):
             inner_path = f"{path}.{key}" if path else key
             if (new := getattr(struct, "OLD_KEYS", {}).get(key)) is not None:
                 key = _renamed(value, key, new, inner_path, error)
-            if key not in names:
-                raise error(unknown_name("key", key, names), inner_path)
-            _check_names(item, hints[names[key]], inner_path, error)
+            if key not in types:
+                raise error(unknown_name("key", key, types), inner_path)
+            _check_names(item, types[key], inner_path, error)
+
+
+@cache
+def _types_of(struct: type[msgspec.Struct]) -> dict[str, Any]:
+    """Return the types of a struct's fields by their keys; resolving them takes most of a check's time."""
+    hints = get_type_hints(struct)
+    return {
+        key: hints[name]
+        for key, name in zip(struct.__struct_encode_fields__, struct.__struct_fields__, strict=True)
+    }
 
 
 def _renamed(table: dict[str, Any], old: str, new: str, path: str, error: Blame) -> str:
