@@ -13,11 +13,20 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from haptigraph.analysis.paper import figure as figures
+from haptigraph.analysis.paper import zones
 from haptigraph.analysis.paper.figure import KINDS, paper_figure
 from haptigraph.analysis.plots.paper import save
 from haptigraph.errors import BadInput
 
 LETTERS = {"pipeline": "abcdefghijkl", "views": "abc", "timeline": "abcd"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse_zones() -> Iterator[None]:
+    """Conclude the state at each sixteenth place only; the zones themselves are tested elsewhere."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(zones, "STEP_PX", 4 * zones.STEP_PX)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pandas as pd
 import pytest
+from helpers import mostly_slow
 from matplotlib.figure import Figure
 from scipy import stats
 from study_tables import simulated_study, write_study
@@ -44,7 +45,7 @@ def drawn(case) -> dict[str, Figure]:
         return figures(results, read_traces(results.runs, Path("no recordings")), NOTE)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", mostly_slow(CASES, "three long names"))
 def test_every_figure_can_be_printed_at_the_width_of_a_column(case, check_print):
     assert set(drawn(case)) == {"rainclouds", "state_times", "state_sequence", "learning"}
     with styled():
