@@ -126,9 +126,23 @@ def click_begin(page):
     page.wait_for_selector("#begin:enabled, #pulse:visible")
     if page.is_visible("#pulse"):
         assert page.is_disabled("#begin")
-        page.click("#pulse")
-        page.click("#felt")
+        feel_on_page(page)
     page.click("#begin")
+
+
+def feel_on_page(page):
+    """Feel the test pulse; test again if a page without processor time played none, for it plays nothing late."""
+    for _ in range(3):
+        page.evaluate("() => { window.rumble.length = 0; }")
+        page.click("#pulse")
+        page.wait_for_selector("#felt:visible")
+        if played := page.evaluate("() => window.rumble.filter(({ type }) => type === 'dual-rumble')"):
+            assert played[0]["strongMagnitude"] == 1
+            page.click("#felt")
+            return
+        page.click("#unfelt")
+        page.wait_for_selector("#pulse:visible")
+    raise AssertionError("no test pulse was played")
 
 
 def study_at(folder, store):
@@ -179,26 +193,9 @@ def wait_for_stage(page, key):
 
 
 def begin(page):
-    page.wait_for_selector("#begin:enabled, #pulse:visible")
-    if page.is_visible("#pulse"):
-        feel_on_page(page)
+    page.evaluate("() => { window.rumble.length = 0; }")
     click_begin(page)
     until(page, "page.status.trial_status === 'running' && page.header?.index > 3")
-
-
-def feel_on_page(page):
-    """Feel the test pulse; test again if a page without processor time played none, for it plays nothing late."""
-    for _ in range(3):
-        page.evaluate("() => { window.rumble.length = 0; }")
-        page.click("#pulse")
-        page.wait_for_selector("#felt:visible")
-        if played := page.evaluate("() => window.rumble.filter(({ type }) => type === 'dual-rumble')"):
-            assert played[0]["strongMagnitude"] == 1
-            page.click("#felt")
-            return
-        page.click("#unfelt")
-        page.wait_for_selector("#pulse:visible")
-    raise AssertionError("no test pulse was played")
 
 
 def align(page):

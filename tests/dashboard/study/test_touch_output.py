@@ -7,8 +7,10 @@ from msgspec.structs import replace
 from studying import PROTOCOL, study_at
 
 from haptigraph import run_device
+from haptigraph.clock import VirtualClock
 from haptigraph.config import HapticsConfig
 from haptigraph.dashboard.server.viewer import Viewer
+from haptigraph.dashboard.study import touch_output
 from haptigraph.dashboard.study.touch_output import TouchOutput
 from haptigraph.errors import BadInput, DeviceError
 from haptigraph.haptics.console import ConsoleDevice
@@ -99,8 +101,9 @@ def test_a_trial_without_touch_needs_no_output_unless_that_would_reveal_its_cond
 
 
 def test_the_pulse_is_within_the_limits_and_its_answer_lasts_for_the_session_and_the_outputs(
-    session, actuator
+    session, actuator, monkeypatch
 ):
+    monkeypatch.setattr(touch_output, "MonotonicClock", VirtualClock)
     touch, levels, alive_ns = touch_of(("screen",), device="audio", max_amplitude=0.3)
     trial = trials_of(session, "nobody")[0]
     with pytest.raises(BadInput, match="press Test pulse first"):
