@@ -18,7 +18,7 @@ BUILDS ?= 2
 PAGES ?= docs
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help docs docs-snippets docs-site setup demo live test test-cache test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train train-tip render render-tips rig test-rig rig-registration interop test-exports wheels lock clean
+.PHONY: help docs docs-snippets docs-site setup demo live test test-cache test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-certainty bench-empty bench-rig ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-archive bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train train-tip render render-tips render-unseen rig test-rig rig-registration interop test-exports wheels lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -124,6 +124,9 @@ bench: setup  ## time of every stage; perceivers against the paper's; rules agai
 	$(BIN)/python benchmarks/inference.py
 	$(BIN)/python benchmarks/chatter.py
 
+bench-certainty: setup  ## whether tips are as often far as they say, in drawn scenes that the network has not learned
+	$(BIN)/python -m training.tip_reliability --figure build/tip_reliability.png
+
 bench-empty: setup  ## how often a needle is reported in pictures that show none
 	$(BIN)/python benchmarks/no_needle.py
 
@@ -217,6 +220,9 @@ render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into b
 
 render-tips: .venv-rendering/ready  ## tips of needles in scenes drawn by lot into build/tips, for make train-tip; 40 minutes
 	.venv-rendering/bin/python -m rendering.render_tips
+
+render-unseen: .venv-rendering/ready  ## the same of scenes that the network does not learn from, for make bench-certainty; 20 minutes
+	.venv-rendering/bin/python -m rendering.render_tips --unseen
 
 .venv-rig/ready: rig/requirements.txt
 	$(PYTHON) -m venv .venv-rig

@@ -1,14 +1,16 @@
-"""Scenes drawn by lot: a number -> a scene, for training only; no drawn scene is ever evaluated."""
+"""Scenes drawn by lot: a number -> a scene, for training, or to test what was trained on others."""
 
 import numpy as np
 from numpy.random import Generator
 
 from rendering.scene import Bowl, Camera, Color, Instrument, Light, Needle, Scene
 
-__all__ = ["LEARNED", "drawn_scene"]
+__all__ = ["LEARNED", "UNSEEN", "drawn_scene"]
 
 LEARNED = range(1, 111)
 """Numbers of the scenes that the tip network learns from."""
+UNSEEN = range(111, 156)
+"""Numbers of the scenes that show whether its certainty is true: it does not learn from them."""
 
 POINTS, POINT_SHARES = ("cone", "bevel", "round", "blunt"), (0.4, 0.25, 0.2, 0.15)
 SOME = 0.35  # of the scenes have beads, a second instrument, another bottom, a wide pixel filter

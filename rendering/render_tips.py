@@ -1,13 +1,14 @@
-"""Render what the tip network learns from, the scenes drawn by lot: `python -m rendering.render_tips`.
+"""Render scenes drawn by lot, which the tip network learns from: `python -m rendering.render_tips`.
 
-In the environment with Blender. Existing images are kept.
+Or those that it does not learn from: `--unseen`. In the environment with Blender. Existing images are kept.
 """
 
+import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
 from rendering.layout import Layout
-from rendering.lot import LEARNED, drawn_scene
+from rendering.lot import LEARNED, UNSEEN, drawn_scene
 from rendering.stage import Stage
 from rendering.tips import SMALLER, Part, file_of, parts_of
 
@@ -16,7 +17,13 @@ __all__ = ["main"]
 
 def main() -> None:
     """Render the missing images of all scenes."""
-    for number in LEARNED:
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        epilog="example: python -m rendering.render_tips --unseen",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--unseen", action="store_true", help="those that test its certainty instead")
+    for number in UNSEEN if parser.parse_args().unseen else LEARNED:
         layout = Layout(drawn_scene(number))
         missing = {
             file: part

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.random import Generator
 from benchmarks import degraded
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Vec, subtract
+from haptigraph.imaging import FloatImage
 from haptigraph.messages import Image
 from haptigraph.perception.needle.rectify import EyeGeometry, Line
 from haptigraph.perception.needle.tip_selection import Detection
@@ -25,14 +27,23 @@ from rendering.layout import HEIGHT_PX, WIDTH_PX, Box, Layout, Placed
 from rendering.lot import drawn_scene
 from rendering.pack import Sensor, write_clip
 from rendering.tips import AROUND, EMPTY, FOLDER, Part, file_of, parts_of
-from training.tip_windows import VARIANTS, Follower, Window, Windows
+from training.tip_windows import VARIANTS, Follower, Judged, Windows
 
-__all__ = ["is_rendered", "of_drawn"]
+__all__ = ["is_rendered", "judged_in", "of_drawn"]
 
 AWAY_IMAGES = 2  # the background, and what is beside each rendered part
 OFFSET_SD_PX, ANGLE_SD_DEG = 1.0, 0.15  # of the line that the tracker expects
 EXPECTED_SD_MM, LOST_SD_MM, LOST = 0.2, 0.8, 0.2  # of the expected tip, mostly, and the share of others
 INSET_PX = 8  # of a part's margin, which blur makes different
+
+
+class _Measured(NamedTuple):
+    """One needle in one variant."""
+
+    follower: Follower
+    detection: Detection | None
+    tip_px: Vec
+    rng: Generator
 
 
 def is_rendered(number: int) -> bool:
@@ -42,14 +53,34 @@ def is_rendered(number: int) -> bool:
 
 def of_drawn(number: int) -> Windows:
     """Return the windows of one drawn scene, in all variants."""
+    found = (each.follower.windows(each.detection, each.tip_px, each.rng) for each in _measured(number))
+    return Windows.of(chain.from_iterable(found))
+
+
+def judged_in(number: int, weights: FloatImage) -> list[Judged]:
+    """Return what a network says about the tips in one drawn scene, in all variants.
+
+    Args:
+        number: Of the scene.
+        weights: What the network has learned.
+    """
+    return [
+        follower.judged(detection, tip_px, weights)
+        for follower, detection, tip_px, _ in _measured(number)
+        if detection is not None and detection.tip.where == "inside"
+    ]
+
+
+def _measured(number: int) -> Iterator[_Measured]:
+    """Yield what the tracker measures of each needle of a drawn scene, in all variants."""
     layout, clip = Layout(drawn_scene(number)), FOLDER / f"{number:04d}"
     parts = parts_of(layout)
     write_clip(clip / "clip.mp4", _images(number, layout, parts))
     captures = degraded.captures_of(clip, "full", degraded.unchanged)
     images = [np.asarray(capture.image, np.uint8) for capture in captures]
     needles = [(layout.placed(pose), box) for pose, box in parts.values() if pose and box]
-    windows = (_of_variant(layout, needles, images, variant) for variant in VARIANTS)
-    return Windows.of(chain.from_iterable(windows))
+    for variant in VARIANTS:
+        yield from _of_variant(layout, needles, images, variant)
 
 
 def _images(number: int, layout: Layout, parts: Mapping[str, Part]) -> Iterator[Image]:
@@ -79,8 +110,8 @@ def _with_part(image: Image, part: Image, box: Box | None, inset_px: int = 1) ->
 
 def _of_variant(
     layout: Layout, needles: Sequence[tuple[Placed, Box]], images: Sequence[Image], variant: str
-) -> Iterator[Window]:
-    """Yield the windows of all needles of a scene in one variant."""
+) -> Iterator[_Measured]:
+    """Yield what is measured of all needles of a scene in one variant."""
     rng, degrade = np.random.default_rng([layout.scene.seed, *variant.encode()]), VARIANTS[variant]
     smaller, registration = 1, parse_camera_registration(registration_of(layout), "the scene's registration")
     if variant.startswith("half"):
@@ -96,7 +127,7 @@ def _of_variant(
         tip_px = layout.to_px(each.tip_mm, each.behind_mm)
         if smaller == 2:
             ends_px, tip_px = [degraded.halved_px(at_px) for at_px in ends_px], degraded.halved_px(tip_px)
-        yield from follower.windows(follower.measured(shown, ends_px, rng), tip_px, rng)
+        yield _Measured(follower, follower.measured(shown, ends_px, rng), tip_px, rng)
 
 
 class _Follower(Follower):

@@ -17,22 +17,27 @@ from haptigraph.analysis.evaluation.sweep import play
 from haptigraph.config import PerceptionConfig
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
+from haptigraph.imaging import FloatImage
 from haptigraph.messages import Image, Truth
-from haptigraph.perception.native.tip_network import tip_window
+from haptigraph.perception.native.tip_network import judge_tip, tip_window
+from haptigraph.perception.needle.rectify import Line
 from haptigraph.perception.needle.tip_selection import Detection
 from haptigraph.perception.needle.tracker import Tracker
 from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.sweep_scenes import sweep_scene
 
-__all__ = ["VARIANTS", "Follower", "Window", "Windows", "of_scene"]
+__all__ = ["VARIANTS", "Follower", "Judged", "Window", "Windows", "of_scene"]
 
+FAR_MM, FAR_PX = 0.3, 2.5  # as in `tip_network.c`
 NEAR_MM = 0.9  # from the selected tip, where another window is
 WIDE_MM = -4.0, 2.5  # where one more is, to learn what is no tip
 
 
 Window: TypeAlias = tuple[NDArray[np.float16], float, tuple[float, float, float]]
 """Its values, how far the true tip is beyond its place [mm], and its context, as `tip_places` has it."""
+Judged: TypeAlias = tuple[float, bool, float]
+"""How probably a tip is far from where it is reported, by its own image; if it is; its error in sds."""
 
 
 class Windows(NamedTuple):
@@ -68,13 +73,31 @@ class Follower(Tracker):
         if detection is None or detection.tip.where != "inside" or tip_px is None:
             return
         scale, fit, tip = self._eye.px_per_mm, detection.fit, detection.tip
-        (x, y), (dx, dy) = detection.line.at_px(self._eye.trocar_px, 0.0), detection.line.direction
-        true_px, strip = (tip_px[0] - x) * dx + (tip_px[1] - y) * dy, detection.candidate.strip
+        true_px, strip = self._along_px(detection.line, tip_px), detection.candidate.strip
         for off_mm in (0.0, rng.uniform(-NEAR_MM, NEAR_MM), rng.uniform(*WIDE_MM)):
             at_px = tip.u_px + off_mm * scale
             values = tip_window(strip, fit.offset_px, fit.slope, at_px, scale)
             context = strip.noise_grey, scale, tip.sd_px
             yield values.astype(np.float16), (true_px - at_px) / scale, context
+
+    def judged(self, detection: Detection, tip_px: Vec, weights: FloatImage) -> Judged:
+        """Return what the network says about a tip that was selected, beside the truth.
+
+        Args:
+            detection: What was measured, of a tip inside.
+            tip_px: The true tip.
+            weights: What the network has learned.
+        """
+        scale, fit, tip = self._eye.px_per_mm, detection.fit, detection.tip
+        line, selected = (fit.offset_px, fit.slope), (tip.u_px, tip.sd_px)
+        beyond_mm, sd_mm, far = judge_tip(detection.candidate.strip, weights, line, selected, scale)
+        off_mm = (self._along_px(detection.line, tip_px) - tip.u_px) / scale - beyond_mm
+        return far, abs(off_mm) > max(FAR_MM, FAR_PX / scale), abs(off_mm) / sd_mm
+
+    def _along_px(self, line: Line, at_px: Vec) -> float:
+        """Return where along a line a place is."""
+        (x, y), (dx, dy) = line.at_px(self._eye.trocar_px, 0.0), line.direction
+        return (at_px[0] - x) * dx + (at_px[1] - y) * dy
 
 
 def of_scene(number: int, seed: int, size_px: tuple[int, int] = (1280, 720)) -> Windows | None:

@@ -1,25 +1,29 @@
 """Windows from drawn scenes: on painted pictures in place of rendered ones, for Blender is not here."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
-from haptigraph.perception.native.tip_network import STATIONS, VALUES
+import haptigraph
+from haptigraph.perception.native.tip_network import STATIONS, VALUES, WEIGHTS
 from rendering import tips
 from rendering.layout import HEIGHT_PX, WIDTH_PX, Layout
 from rendering.lot import drawn_scene
 from rendering.tips import EMPTY, SMALLER, file_of, parts_of, poses_of
 from training import tip_rendered
-from training.tip_rendered import is_rendered, of_drawn
+from training.tip_rendered import is_rendered, judged_in, of_drawn
 from training.tip_shape import ACROSS, BEHIND, STEP_MM
 from training.tip_windows import VARIANTS
 
 NUMBER = 6
+MODELS = Path(haptigraph.__file__).parent / "models"
 
 
 @pytest.fixture(scope="module")
-def windows(tmp_path_factory):
-    """Those of one scene in two variants, of a bright needle on a dark ground."""
+def painted(tmp_path_factory):
+    """One scene in two variants, of a bright needle on a dark ground; its number."""
     with pytest.MonkeyPatch.context() as patched:
         folder = tmp_path_factory.mktemp("tips")
         patched.setattr(tips, "FOLDER", folder)
@@ -39,7 +43,12 @@ def windows(tmp_path_factory):
                 cv2.line(image, corners[0], corners[1], (190, 190, 190), 7, cv2.LINE_AA, 4)
             cv2.imwrite(str(file_of(NUMBER, name)), part(image, box))
         assert is_rendered(NUMBER)
-        yield of_drawn(NUMBER)
+        yield NUMBER
+
+
+@pytest.fixture(scope="module")
+def windows(painted):
+    return of_drawn(painted)
 
 
 def part(image, box):
@@ -65,3 +74,16 @@ def test_a_needle_is_seen_before_its_true_tip_and_not_beyond_at_any_resolution(w
     before = np.array([row[stations < end - 5].mean() for row, end in zip(shown, ends, strict=True)])
     beyond = np.array([row[stations > end + 5].mean() for row, end in zip(shown, ends, strict=True)])
     assert np.mean(before > 2 * beyond) > 0.8
+
+
+def test_the_shipped_network_is_right_about_the_tips_of_a_plain_needle(painted, windows):
+    judged = judged_in(painted, np.load(MODELS / "tip_network.npy"))
+    far, is_far, z = map(np.array, zip(*judged, strict=True))
+    assert len(judged) == len(windows.beyond_mm) / 3
+    assert np.mean(is_far) < 0.05 and np.median(far) < 0.03
+    assert np.all(z >= 0) and np.all(np.isfinite(z))
+
+
+def test_a_network_that_has_learned_nothing_is_sure_of_nothing(painted):
+    judged = judged_in(painted, np.zeros(WEIGHTS, np.float32))
+    assert min(far for far, _, _ in judged) > 0.5
