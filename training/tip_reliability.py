@@ -10,7 +10,6 @@ import argparse
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from importlib import resources
 from itertools import chain, pairwise
 from multiprocessing import get_context
 from pathlib import Path
@@ -21,9 +20,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import stats
 
-from haptigraph.perception.needle.tip_network import FILE, MAX_FAR
+from haptigraph.perception.needle.tip_network import MAX_FAR
 from rendering.lot import UNSEEN, drawn_scene
-from training.tip_rendered import is_rendered, judged_in
+from training.tip_rendered import check_rendered, judged_in
+from training.tip_shape import FILE
 from training.tip_windows import Judged
 
 __all__ = ["Reliability", "main", "printed", "reliability"]
@@ -56,19 +56,24 @@ class _Tips(NamedTuple):
     is_far: NDArray[np.bool_]
     z: NDArray[np.float64]
 
+    @classmethod
+    def of(cls, judged: Mapping[int, Sequence[Judged]]) -> "_Tips":
+        """Return the tips of all scenes, by number, together."""
+        scene = [number for number, tips in judged.items() for _ in tips]
+        predicted, is_far, z = zip(*chain.from_iterable(judged.values()), strict=True)
+        return cls(np.array(scene), np.array(predicted), np.array(is_far), np.array(z))
+
+    def where(self, is_kept: NDArray[np.bool_]) -> "_Tips":
+        """Return some of them."""
+        return _Tips(*(values[is_kept] for values in self))
+
 
 def main() -> None:
     """Judge the tips of all unseen scenes, print the table, and draw the figure."""
     args = _parse_arguments()
-    missing = [number for number in UNSEEN if not is_rendered(number)]
-    if missing:
-        raise SystemExit(
-            f"tip_reliability: {len(missing)} of {len(UNSEEN)} scenes are not rendered; make render-unseen"
-        )
-    with resources.as_file(resources.files("haptigraph.models") / FILE) as file:
-        weights = np.ascontiguousarray(np.load(file), np.float32)
+    check_rendered("tip_reliability", UNSEEN, "render-unseen")
     with ProcessPoolExecutor(PROCESSORS, get_context("spawn")) as pool:
-        judged = pool.map(partial(judged_in, weights=weights), UNSEEN)
+        judged = pool.map(partial(judged_in, weights=np.load(FILE)), UNSEEN)
         by_scene = dict(zip(UNSEEN, judged, strict=True))
     print("\n".join(printed(by_scene)))
     if args.figure:
@@ -85,24 +90,17 @@ def _parse_arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _tips(judged: Mapping[int, Sequence[Judged]]) -> _Tips:
-    """Return the tips of all scenes, by number, together."""
-    scene = [number for number, tips in judged.items() for _ in tips]
-    predicted, is_far, z = zip(*chain.from_iterable(judged.values()), strict=True)
-    return _Tips(np.array(scene), np.array(predicted), np.array(is_far), np.array(z))
-
-
 def reliability(judged: Mapping[int, Sequence[Judged]]) -> list[Reliability]:
     """Return what became of tips, in the order of what was said of them.
 
     Args:
         judged: The tips of each scene, by its number.
     """
-    tips, found = _tips(judged), []
+    tips, found = _Tips.of(judged), []
     for low, high in pairwise(EDGES):
         is_in = (tips.predicted >= low) & (tips.predicted < high + (high == EDGES[-1]))
         if is_in.any():
-            part = _Tips(*(values[is_in] for values in tips))
+            part = tips.where(is_in)
             shares = float(part.predicted.mean()), float(part.is_far.mean())
             found.append(Reliability(low, high, len(part.scene), *shares, _interval(part)))
     return found
@@ -128,8 +126,8 @@ def printed(judged: Mapping[int, Sequence[Judged]]) -> list[str]:
     Args:
         judged: The tips of each scene, by its number.
     """
-    tips = _tips(judged)
-    known = _Tips(*(values[tips.predicted <= MAX_FAR] for values in tips))
+    tips = _Tips.of(judged)
+    known = tips.where(tips.predicted <= MAX_FAR)
     lines = [
         f"{len(tips.scene)} tips of {len(judged)} scenes; {tips.is_far.mean():.1%} are far",
         f"{'said':>13} {'tips':>6} {'mean':>7} {'far':>7}   {LEVEL} % interval",
@@ -160,7 +158,8 @@ def _draw(rows: Sequence[Reliability], file: Path) -> None:
     """Draw what became of tips over what was said of them."""
     figure = Figure(figsize=(3.6, 3.4), layout="constrained")
     axes = figure.add_subplot()
-    said, far = (np.array([100 * row[field] for row in rows]) for field in (3, 4))
+    said = 100 * np.array([row.predicted for row in rows])
+    far = 100 * np.array([row.far for row in rows])
     ends = 100 * np.transpose([row.interval for row in rows])
     axes.axline((1, 1), slope=1, color="0.6", linewidth=1, label="as often as reported")
     axes.axvline(100 * MAX_FAR, color="0.6", linewidth=1, linestyle=":", label="known up to here")

@@ -1,4 +1,4 @@
-"""Windows from scenes drawn by lot: what `make render-tips` rendered about tips -> windows, true tips.
+"""Windows from scenes drawn by lot: what was rendered about tips -> windows, or judgements, and true tips.
 
 Few scenes can be rendered whole. Of a drawn scene there is only what is about each tip, so the tracker cannot
 follow the needle. It expects each one about where it truly is; then it measures and selects as always.
@@ -29,7 +29,7 @@ from rendering.pack import Sensor, write_clip
 from rendering.tips import AROUND, EMPTY, FOLDER, Part, file_of, parts_of
 from training.tip_windows import VARIANTS, Follower, Judged, Windows
 
-__all__ = ["is_rendered", "judged_in", "of_drawn"]
+__all__ = ["check_rendered", "is_rendered", "judged_in", "of_drawn"]
 
 AWAY_IMAGES = 2  # the background, and what is beside each rendered part
 OFFSET_SD_PX, ANGLE_SD_DEG = 1.0, 0.15  # of the line that the tracker expects
@@ -49,6 +49,24 @@ class _Measured(NamedTuple):
 def is_rendered(number: int) -> bool:
     """Return whether all images of a drawn scene were rendered."""
     return all(file_of(number, name).exists() for name in parts_of(Layout(drawn_scene(number))))
+
+
+def check_rendered(program: str, numbers: Sequence[int], target: str) -> None:
+    """Check that drawn scenes are rendered.
+
+    Args:
+        program: Which needs them.
+        numbers: Of the scenes.
+        target: What `make` renders them with.
+
+    Raises:
+        SystemExit: If one is not.
+    """
+    missing = [number for number in numbers if not is_rendered(number)]
+    if missing:
+        raise SystemExit(
+            f"{program}: {len(missing)} of {len(numbers)} scenes are not rendered; make {target}"
+        )
 
 
 def of_drawn(number: int) -> Windows:

@@ -26,10 +26,10 @@ from haptigraph.perception.needle.tracker import Tracker
 from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.sweep_scenes import sweep_scene
+from training.tip_shape import FAR_MM, FAR_PX
 
 __all__ = ["VARIANTS", "Follower", "Judged", "Window", "Windows", "of_scene"]
 
-FAR_MM, FAR_PX = 0.3, 2.5  # as in `tip_network.c`
 NEAR_MM = 0.9  # from the selected tip, where another window is
 WIDE_MM = -4.0, 2.5  # where one more is, to learn what is no tip
 

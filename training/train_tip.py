@@ -21,13 +21,14 @@ from torch.nn import functional
 
 from haptigraph.perception.native.tip_network import PLACES, STATIONS, VALUES
 from rendering.lot import LEARNED
-from training.tip_rendered import is_rendered, of_drawn
+from training.tip_rendered import check_rendered, of_drawn
 from training.tip_shape import (
     ACROSS,
     BEHIND,
     CHANNELS,
     CONTEXT,
     FEATURES,
+    FILE,
     LAYERS,
     MIN_SD_PX,
     PLACE_SD_MM,
@@ -40,8 +41,6 @@ from training.tip_windows import Windows, of_scene
 
 __all__ = ["TipNet", "train", "write"]
 
-ROOT = Path(__file__).parent.parent
-FILE = ROOT / "haptigraph" / "models" / "tip_network.npy"
 SEED = 26
 SCENES = 66
 SIZES_PX = {
@@ -104,7 +103,7 @@ class TipNet(nn.Module):
 def main() -> None:
     """Make the windows, train, and write the weights."""
     args = parse_arguments()
-    check_rendered()
+    check_rendered("train_tip", LEARNED, "render-tips")
     torch.manual_seed(SEED)
     torch.set_num_threads(PROCESSORS)  # another number changes the order of sums
     torch.use_deterministic_algorithms(True)
@@ -125,19 +124,6 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--output", type=Path, default=FILE, help="file to write (default: the shipped one)")
     parser.add_argument("--steps", type=int, default=STEPS, help=f"of training (default: {STEPS})")
     return parser.parse_args()
-
-
-def check_rendered() -> None:
-    """Check that all drawn scenes are rendered.
-
-    Raises:
-        SystemExit: If one is not.
-    """
-    missing = [number for number in LEARNED if not is_rendered(number)]
-    if missing:
-        raise SystemExit(
-            f"train_tip: {len(missing)} of {len(LEARNED)} scenes are not rendered; make render-tips"
-        )
 
 
 def _of_scene(given: tuple[int, tuple[int, tuple[int, int]]]) -> Windows | None:

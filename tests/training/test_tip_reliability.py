@@ -72,7 +72,7 @@ def test_missing_pictures_are_one_sentence_that_says_how_to_make_them(monkeypatc
 
 def test_the_report_and_its_figure_are_written(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(tip_reliability, "UNSEEN", UNSEEN[:2])
-    monkeypatch.setattr(tip_reliability, "is_rendered", lambda number: True)
+    monkeypatch.setattr(tip_reliability, "check_rendered", lambda *_: None)
     monkeypatch.setattr(tip_reliability, "ProcessPoolExecutor", InThisProcess)
     monkeypatch.setattr(tip_reliability, "judged_in", lambda number, weights: drawn(2)[number])
     monkeypatch.setattr("sys.argv", ["tip_reliability", "--figure", str(tmp_path / "it.png")])

@@ -1,12 +1,9 @@
 """Windows from drawn scenes: on painted pictures in place of rendered ones, for Blender is not here."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
 
-import haptigraph
 from haptigraph.perception.native.tip_network import STATIONS, VALUES, WEIGHTS
 from rendering import tips
 from rendering.layout import HEIGHT_PX, WIDTH_PX, Layout
@@ -14,11 +11,10 @@ from rendering.lot import drawn_scene
 from rendering.tips import EMPTY, SMALLER, file_of, parts_of, poses_of
 from training import tip_rendered
 from training.tip_rendered import is_rendered, judged_in, of_drawn
-from training.tip_shape import ACROSS, BEHIND, STEP_MM
+from training.tip_shape import ACROSS, BEHIND, FILE, STEP_MM
 from training.tip_windows import VARIANTS
 
 NUMBER = 6
-MODELS = Path(haptigraph.__file__).parent / "models"
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +73,7 @@ def test_a_needle_is_seen_before_its_true_tip_and_not_beyond_at_any_resolution(w
 
 
 def test_the_shipped_network_is_right_about_the_tips_of_a_plain_needle(painted, windows):
-    judged = judged_in(painted, np.load(MODELS / "tip_network.npy"))
+    judged = judged_in(painted, np.load(FILE))
     far, is_far, z = map(np.array, zip(*judged, strict=True))
     assert len(judged) == len(windows.beyond_mm) / 3
     assert np.mean(is_far) < 0.05 and np.median(far) < 0.03

@@ -171,6 +171,17 @@ def test_what_is_far_from_the_mean_or_nowhere_is_probably_far():
     assert tip_posterior(at_places(NOWHERE), PX_PER_MM) == (0, 0, 1)
 
 
+def test_far_is_what_training_takes_for_far():
+    apart = int(2 * tip_shape.FAR_MM / STEP_MM)  # either place is half of that from their mean
+    assert apart * STEP_MM / 2 < tip_shape.FAR_MM < (apart + 1) * STEP_MM / 2
+    near, far = at_places(MIDDLE, MIDDLE + apart), at_places(MIDDLE, MIDDLE + apart + 1)
+    assert tip_posterior(near, PX_PER_MM)[2] == pytest.approx(0, abs=1e-9)
+    assert tip_posterior(far, PX_PER_MM)[2] == pytest.approx(1)
+    scale = tip_shape.FAR_PX / ((apart + 1) * STEP_MM / 2)  # at which the second places are just as far
+    assert tip_posterior(far, 0.99 * scale)[2] == pytest.approx(0, abs=1e-9)
+    assert tip_posterior(far, 1.01 * scale)[2] == pytest.approx(1)
+
+
 def test_in_a_coarse_image_two_and_a_half_pixels_are_not_far():
     places = at_places(MIDDLE, MIDDLE + 9)
     assert tip_posterior(places, PX_PER_MM)[2] == pytest.approx(1)
